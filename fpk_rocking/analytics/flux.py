@@ -197,14 +197,15 @@ def phase_flux_sampled(
 
 
 def _single(forcing, critical_angle=0.0):
-    """Return D_m of a harmonic forcing, refusing others."""
+    """Return D_m of one harmonic, a `Harmonic` or a pair (amplitude, frequency), refusing others; α is in radians."""
     return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 
 
 def _excess_of_sum(along, loss, sigma):
-    """E[(σ y₁ + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles.
+    """E[(σ y₁ + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles; a float.
 
-    Without noise in closed form, else by `mean_excess`.
+    `along` is d, a `PeriodicForcing`, `loss` is M and `sigma` σ, nondimensional. Without noise in closed form, else by
+    `mean_excess`.
     """
     if sigma == 0.0:
         # The mean of d is 0, so that of max(-d - M, 0) is that of max(d + M, 0) less M.
@@ -214,7 +215,7 @@ def _excess_of_sum(along, loss, sigma):
 
 
 def _strengths(noise):
-    """σ of each noise, as an array."""
+    """Return σ of one noise or of each of a nested sequence of them, as an array; white noise is refused."""
     array = noise_array(noise)
     for entry in array.flat:
         if entry.kind == "white":
@@ -225,7 +226,7 @@ def _strengths(noise):
 
 
 def _excess(harmonic, loss, sigma):
-    """E[(σ y₁ + D y₂ - M)⁺] for arrays that broadcast."""
+    """E[(σ y₁ + D y₂ - M)⁺], nondimensional, for arrays that broadcast: `harmonic` D, `loss` M and `sigma` σ."""
     quiet = np.sqrt(np.maximum(harmonic - loss, 0.0) * (harmonic + loss))
     quiet = (quiet - loss * np.arctan2(quiet, loss)) / math.pi
     return (quiet + sigma * _mean_near_zero(kink_rounding, harmonic, loss, sigma))[()]
@@ -234,8 +235,9 @@ def _excess(harmonic, loss, sigma):
 def _mean_near_zero(function, harmonic, loss, sigma):
     """Mean over the phase θ of an even function of u that falls like exp(-u²/2), smooth on either side of u = 0.
 
-    Gauss-Legendre on the phases with 0 < u < 9 and on those with u < 0 down to 9 below the largest one: u varies by 9
-    at most, so that the number of nodes suffices for every σ.
+    u is (D cos θ - M)/σ, with D `harmonic`, M `loss` and σ `sigma`, arrays of one shape, which the result has.
+    `function` takes |u| as an array of any shape. Gauss-Legendre on the phases with 0 < u < 9 and on those with u < 0
+    down to 9 below the largest one: u varies by 9 at most, so that the number of nodes suffices for every σ.
     """
     harmonic, loss, sigma = (np.asarray(part, float)[..., None] for part in np.broadcast_arrays(harmonic, loss, sigma))
     nodes, weights = gauss_legendre(48, -1.0, 1.0)
@@ -252,7 +254,10 @@ def _mean_near_zero(function, harmonic, loss, sigma):
 
 
 def _phase_of(level, harmonic):
-    """Phase from 0 to π at which D cos θ falls to a level, an end where it does not."""
+    """Phase from 0 to π at which D cos θ falls to a level, an end where it does not.
+
+    `level` and D, `harmonic`, are arrays of one shape, which the result has.
+    """
     cosine = np.clip(level, -harmonic, harmonic) / np.where(harmonic > 0.0, harmonic, 1.0)
     return np.arccos(np.where(harmonic > 0.0, cosine, np.sign(level)))
 

@@ -142,7 +142,10 @@ def symmetric_orbits(
 
 
 def _speeds(a, omega, e):
-    """Positive roots W of ((1-e)² t² Ω² + (1+e)²) W² - 4 (1+e) t W + 4 (t² - B² Ω²) = 0, ascending."""
+    """Positive roots W of ((1-e)² t² Ω² + (1+e)²) W² - 4 (1+e) t W + 4 (t² - B² Ω²) = 0, ascending: a list.
+
+    `a`, `omega` and `e` are amplitude, frequency and restitution, with t = tanh(π/(2Ω)) and B = a/(1 + Ω²).
+    """
     t = math.tanh(0.5 * math.pi / omega)
     push = a * omega / (1.0 + omega * omega)
     square = ((1.0 - e) * t * omega) ** 2 + (1.0 + e) ** 2
@@ -156,7 +159,7 @@ def _speeds(a, omega, e):
 
 
 def _orbit(a, omega, e, speed):
-    """Return the symmetric orbit of an impact speed."""
+    """Return the `SymmetricOrbit` of an impact speed; `a`, `omega` and `e` are amplitude, frequency and restitution."""
     t = math.tanh(0.5 * math.pi / omega)
     cosine = -0.5 * (1.0 - e) * t * speed * omega
     sine = t - 0.5 * (1.0 + e) * speed
@@ -164,7 +167,7 @@ def _orbit(a, omega, e, speed):
 
 
 def _flight(orbit, time):
-    """Folded angle and velocity at times (n,) in [0, h] after an impact.
+    """Folded angle and velocity, (n,) each, of a `SymmetricOrbit` at times (n,) in [0, h] after an impact.
 
     y = x - 1 - P obeys y'' = y and is written through its values at both ends: nothing grows, however long the flight.
     """
@@ -181,7 +184,10 @@ def _flight(orbit, time):
 
 
 def _admissible(orbit, cutoff):
-    """Whether 0 < u < cutoff within the flight, by bounds of |u''| on intervals halved until each is decided."""
+    """Whether 0 < u < cutoff within the flight of a `SymmetricOrbit`.
+
+    By bounds of |u''| on intervals halved until each is decided.
+    """
     half, omega = math.pi / orbit.frequency, orbit.frequency
     scale = orbit.amplitude / (1.0 + omega * omega)
     p = scale * math.cos(orbit.impact_phase)

@@ -122,7 +122,10 @@ def harmonic_amplitude(
 
 
 def forcing_along_orbit(forcing: Harmonics, critical_angle: float) -> Harmonics:
-    """Return the forcing with each harmonic multiplied by its `transfer`: the periodic part of the Melnikov process."""
+    """Return the forcing with each harmonic multiplied by its `transfer`: the periodic part of the Melnikov process.
+
+    `critical_angle` is α, radians.
+    """
     return forcing.filtered(lambda frequency: transfer(frequency, critical_angle))
 
 
@@ -303,7 +306,7 @@ def refuse_exact(critical_angle: float, what: str) -> None:
 
 
 def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
-    """Return A and Ω as arrays, from a Harmonic or from a pair (amplitude, frequency) of arrays."""
+    """Return A and Ω as arrays, from a `Harmonic` or from a pair (amplitude, frequency) of array_like, checked."""
     if isinstance(forcing, Harmonic):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
     refuse_transient(forcing, "the Melnikov process")
@@ -326,6 +329,9 @@ def noise_array(noise: Any) -> Array:
 
 
 def melnikov_deviations(noise: Any, critical_angle: float = 0.0) -> Array:
-    """Return the standard deviations σ_M as an array, from one noise or a nested sequence of noises."""
+    """Return the standard deviations σ_M, nondimensional, from one noise or a nested sequence of noises, as an array.
+
+    `critical_angle` is α, radians.
+    """
     array = noise_array(noise)
     return np.sqrt([noise_variance(entry, critical_angle) for entry in array.flat]).reshape(array.shape)

@@ -56,11 +56,12 @@ class _BorrowedTuple(models.PrimitiveModel):
 
 
 def _borrowed_type(kind):
-    """Type of what `borrowed` makes of a type."""
+    """Numba type of what `borrowed` makes of a value of the numba type `kind`."""
     return BorrowedTuple(kind) if isinstance(kind, types.NamedTuple) and _has_arrays(kind) else kind
 
 
 def _has_arrays(kind):
+    """Whether the numba type `kind` is an array's, or that of a tuple with an array in it, at any depth."""
     return isinstance(kind, types.Array) or (isinstance(kind, types.BaseTuple) and any(map(_has_arrays, kind.types)))
 
 
@@ -69,18 +70,26 @@ class _Fields(AttributeTemplate):
     key = BorrowedTuple
 
     def generic_resolve(self, borrowed, name):
+        """Return the numba type of the field `name` of a `BorrowedTuple`, None where it has no such field."""
         fields = borrowed.kind.fields
         return _borrowed_type(borrowed.kind.types[fields.index(name)]) if name in fields else None
 
 
 @lower_getattr_generic(BorrowedTuple)
 def _field(context, builder, borrowed, value, name):
+    """Generate the code that reads the field `name` of `value`, of the type `BorrowedTuple`; called by numba.
+
+    `context` and `builder` are numba's target context and llvmlite's builder, as in all generators here.
+    """
     number = borrowed.kind.fields.index(name)
     return _disowned(context, builder, borrowed.kind.types[number], builder.extract_value(value, number))
 
 
 def _disowned(context, builder, kind, value):
-    """Return a value without ownership of an array's memory; the arrays of a named tuple are disowned when read."""
+    """Return an LLVM `value` of the numba type `kind` without ownership of an array's memory.
+
+    The arrays of a named tuple are disowned when read.
+    """
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = cgutils.get_null_value(array.meminfo.type)
@@ -96,7 +105,7 @@ def borrowed(typing, value):  # noqa: ARG001
     """Return an array or a named tuple with arrays, or a tuple of such, without ownership of the memory.
 
     No references to it are counted. Whoever calls the kernel has to own the arrays until it returns, as Python does the
-    arguments of a kernel.
+    arguments of a kernel. Kernels pass `value` alone; numba adds `typing`.
     """
     result = _borrowed_type(value)
     if isinstance(value, types.BaseTuple) and not isinstance(value, types.NamedTuple):
@@ -113,5 +122,8 @@ def borrowed(typing, value):  # noqa: ARG001
 
 @_intrinsic
 def own(typing, value):  # noqa: ARG001
-    """Keep an array, or a tuple with arrays, that a kernel made, up to this call: what is borrowed from it lasts."""
+    """Keep an array, or a tuple with arrays, that a kernel made, up to this call: what is borrowed from it lasts.
+
+    Kernels pass `value` alone; numba adds `typing`.
+    """
     return types.void(value), lambda context, *_: context.get_dummy_value()

@@ -12,7 +12,7 @@ import numpy as np
 
 @functools.cache
 def gauss_legendre(count, low=0.0, high=1.0):
-    """Gauss-Legendre points, ascending, and weights on an interval, (count,) each; on the unit interval by default."""
+    """Gauss-Legendre points, ascending, and weights on the interval from `low` to `high`, (count,) each."""
     points, weights = np.polynomial.legendre.leggauss(count)
     half = 0.5 * (high - low)
     return 0.5 * (low + high) + half * points, half * weights
@@ -30,7 +30,10 @@ def gauss_hermite(count):
 
 @functools.cache
 def gauss_hermite_product(first, second):
-    """Nodes (first * second, 2) of the product of two Gauss-Hermite rules, the second fastest, and weights of sum 1."""
+    """Nodes (first * second, 2) and weights (first * second,) of sum 1 of the product of two Gauss-Hermite rules.
+
+    `first` and `second` are their numbers of nodes; the second runs fastest. Nodes are in standard deviations.
+    """
     (x, u), (y, w) = np.polynomial.hermite_e.hermegauss(first), np.polynomial.hermite_e.hermegauss(second)
     nodes = np.array([(a, b) for a in x for b in y])
     weights = np.outer(u, w).ravel()

@@ -16,7 +16,7 @@ _LONGEST = 500
 
 
 def refusal(name, got, accepted):
-    """Text of a refusal: the parameter's name, what was got and what is accepted."""
+    """Text of a refusal: the parameter's dotted name, the value that was got, and a text of what is accepted."""
     try:
         text = repr(got)
     except ValueError:  # Python writes no integer of more than 4300 digits
@@ -68,22 +68,23 @@ def number(name, value, *, at_least=None, above=None, at_most=None):
 
 
 def keep(value, **checked):
-    """Set fields of a frozen dataclass to their checked values, in its `__post_init__`."""
+    """Set fields of a frozen dataclass `value`, in its `__post_init__`, to checked values, by the fields' names."""
     for name, checked_value in checked.items():
         object.__setattr__(value, name, checked_value)
 
 
 def keep_numbers(value, prefix, *names, **bounds):
-    """Check fields of a frozen dataclass as `number` does, within the same bounds, and keep them as floats.
+    """Check fields of a frozen dataclass `value` as `number` does, and keep them as floats.
 
-    The dotted name of a field in messages begins with the prefix.
+    `names` are the fields, `bounds` are those of `number` for all of them, and the dotted name of a field in messages
+    begins with `prefix`.
     """
     for name in names:
         keep(value, **{name: number(f"{prefix}.{name}", getattr(value, name), **bounds)})
 
 
 def part(name, value):
-    """Return a float between 0 and 1, neither of them, or raise TypeError or ValueError."""
+    """Return a float between 0 and 1, neither of them, or raise TypeError or ValueError; `name` is for the message."""
     fraction = number(name, value, above=0.0)
     if fraction >= 1.0:
         raise ValueError(refusal(name, value, "a number above 0 and below 1"))
@@ -91,7 +92,7 @@ def part(name, value):
 
 
 def count(name, value, at_least=1, at_most=None):
-    """Return an int that is at least 1, or within other bounds.
+    """Return an int that is at least `at_least` and, where that is given, at most `at_most`; `name` is for the message.
 
     Raises
     ------
@@ -109,7 +110,10 @@ def count(name, value, at_least=1, at_most=None):
 
 
 def array(name, value, accepted):
-    """Return an array of floats, or raise TypeError where one is no real number; `accepted` completes the message."""
+    """Return an array of floats, of the shape of `value`, or raise TypeError where one is no real number.
+
+    `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
+    """
     try:
         numbers = np.asarray(value)
     except ValueError:
@@ -120,7 +124,10 @@ def array(name, value, accepted):
 
 
 def several(name, value, *, most, **bounds):
-    """Return a tuple of 1 to `most` finite floats, each within the bounds of `number`."""
+    """Return a tuple of 1 to `most` finite floats from a sequence `value`, each within the bounds of `number`.
+
+    Raise TypeError or ValueError else; `name` is for the message.
+    """
     accepted = f"a list of 1 to {most} numbers"
     items = sequence(name, value, accepted)
     if not 1 <= len(items) <= most:
@@ -129,7 +136,10 @@ def several(name, value, *, most, **bounds):
 
 
 def vector(name, value, accepted):
-    """Return two finite floats from a sequence of two numbers; `accepted` completes the message."""
+    """Return two finite floats from a sequence `value` of two numbers, or raise TypeError or ValueError.
+
+    `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
+    """
     items = sequence(name, value, accepted)
     if len(items) != 2:
         raise ValueError(refusal(name, value, accepted))
@@ -137,14 +147,20 @@ def vector(name, value, accepted):
 
 
 def sequence(name, value, accepted):
-    """Return a tuple of what a sequence holds, or raise TypeError where the value is none, or a text."""
+    """Return a tuple of the items of a sequence or array `value`; TypeError where it is none, or a text.
+
+    `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
+    """
     if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 1) == 0:
         raise TypeError(refusal(name, value, accepted))
     return tuple(value)
 
 
 def interval(name, value):
-    """Return a frequency band (lowest, highest) with 0 <= lowest < highest."""
+    """Return the floats (lowest, highest) of a frequency band, a sequence of two numbers with 0 <= lowest < highest.
+
+    Raise TypeError or ValueError else; `name` is for the message.
+    """
     accepted = "two numbers [lowest, highest] with 0 <= lowest < highest"
     low, high = vector(name, value, accepted)
     if not 0.0 <= low < high:
@@ -153,7 +169,7 @@ def interval(name, value):
 
 
 def sentence(name, value):
-    """Return a text of one line, or raise TypeError or ValueError."""
+    """Return a text of one line that can be printed, or raise TypeError or ValueError; `name` is for the message."""
     accepted = "a text of one line that can be printed"
     if not isinstance(value, str):
         raise TypeError(refusal(name, value, accepted))
@@ -163,7 +179,10 @@ def sentence(name, value):
 
 
 def path(name, value):
-    """Return a `pathlib.Path`, or raise TypeError where the value is no text or path."""
+    """Return a `pathlib.Path` of a text or path, else raise TypeError, or ValueError where it has null characters.
+
+    `name` is for the message.
+    """
     if not isinstance(value, str | os.PathLike):
         raise TypeError(refusal(name, value, "a path"))
     if "\0" in str(value):
@@ -179,14 +198,14 @@ def report(value):
 
 
 def instance(name, value, *kinds):
-    """Return the value if it is an instance of one of the given classes, else raise TypeError."""
+    """Return the value if it is an instance of one of the classes `kinds`, else raise TypeError with the name."""
     if not isinstance(value, kinds):
         raise TypeError(refusal(name, value, " or ".join(kind.__name__ for kind in kinds)))
     return value
 
 
 def table(name, value):
-    """Return a parsed TOML table, or raise TypeError where something else stands under its name."""
+    """Return a parsed TOML table (dict), or raise TypeError where something else stands under its dotted name."""
     if not isinstance(value, dict):
         raise TypeError(refusal(name, value, f"a table [{name}]"))
     return value
@@ -234,7 +253,10 @@ ENGINES = " (the range of the engines)"
 
 
 def sizes(name, values, low, high, or_none=False):
-    """Refuse a number, or one of a tuple, whose size is out of the engines' range; 0 too is taken where it is none."""
+    """Refuse a value whose size |value| is not from `low` to `high`, the engines' range; `name` is for the message.
+
+    `values` is a number, None, which is passed over, or a tuple of such. With `or_none` 0 is accepted too.
+    """
     none = low > 0.0 and or_none
     for value in values if isinstance(values, tuple) else (values,):
         if value is not None and not (low <= abs(value) <= high or (none and value == 0.0)):

@@ -47,25 +47,31 @@ def replaced_atomically(path: File) -> Iterator[pathlib.Path]:
 
 
 def write_text(path: File, text: str) -> None:
-    """Write a text file in UTF-8, whole or not at all."""
+    """Write a text file in UTF-8, complete or not at all; `path` is its path."""
     with replaced_atomically(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_csv(path: File, names: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table as a CSV file in UTF-8, whole or not at all."""
+    """Write a table with a header of `names` and `rows` of values as a CSV file in UTF-8, complete or not at all."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([names, *rows])
     write_text(path, text.getvalue())
 
 
 def write_json(path: File, values: Any) -> None:
-    """Write plain values as a JSON file, whole or not at all; nan is refused, for JSON has none."""
+    """Write values as a JSON file, complete or not at all; ValueError for nan, which JSON has not.
+
+    `values` are such as `plain` returns.
+    """
     write_text(path, json.dumps(values, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
 
 def plain(value: Any) -> Any:
-    """Return lists in place of arrays and tuples, Python's numbers in place of numpy's, and None in place of nan."""
+    """Return a value, at any depth, as JSON holds it: dicts of text, lists, Python's numbers, and None in place of nan.
+
+    Lists stand in place of arrays and tuples, and Python's numbers in place of numpy's.
+    """
     if isinstance(value, dict):
         return {name: plain(one) for name, one in value.items()}
     if isinstance(value, list | tuple):

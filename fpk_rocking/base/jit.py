@@ -37,7 +37,7 @@ def _cache_root() -> pathlib.Path:
 
 @functools.cache
 def source_files(path: pathlib.Path) -> frozenset:
-    """Return a source file of the project and all of the project's files that it imports, directly or not."""
+    """Return a source file of the project and all of the project's files that it imports, directly or not, as paths."""
     files, todo = set(), [path]
     while todo:
         here = todo.pop()
@@ -49,7 +49,7 @@ def source_files(path: pathlib.Path) -> frozenset:
 
 @functools.cache
 def _imported_files(path):
-    """Files of the project that a file imports, modules and packages alike."""
+    """List of the paths of the project's files that a file at `path` imports, modules and packages alike."""
     files = []
     for module, names in _IMPORT.findall(path.read_text(encoding="utf-8")):
         folder = _ROOT.joinpath(*module.split("."))
@@ -61,7 +61,7 @@ def _imported_files(path):
 
 @functools.cache
 def cache_folder(path: pathlib.Path) -> pathlib.Path:
-    """Return the folder for the machine code of a source file, named after its text and that of what it imports."""
+    """Path of the folder for the machine code of a source file, named after its text and that of what it imports."""
     digest = hashlib.sha256()
     for source in sorted(source_files(path)):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
@@ -133,15 +133,15 @@ class Kernel:
 
 @typeof_impl.register(Kernel)
 def _type_in_kernels(made, context):
-    """Return the numba type of a kernel in the text of another one."""
+    """Return the numba type of a `Kernel` in the text of another one; `context` is that of numba's `typeof`."""
     return typeof_impl(made.for_kernels, context)
 
 
 def _compile_in_turn(compiled, file):
     """Return the `compile` of a kernel, which caches it on disk, for one process at a time.
 
-    The second process finds what the first has made. Numba's cache does not survive two that write to it at once (its
-    issue 4807).
+    `compiled` is numba's dispatcher of the kernel, and `file` the path of the kernel's source. The second process finds
+    what the first has made. Numba's cache does not survive two that write to it at once (its issue 4807).
     """
     compile_for, cached = compiled.compile, []
 
@@ -167,7 +167,7 @@ def _compile_in_turn(compiled, file):
 
 
 def _enable_cache(compiled, folder):
-    """Let numba keep the machine code of a kernel in a folder."""
+    """Let numba keep the machine code of a kernel, `compiled` (numba's dispatcher), in a folder (path)."""
     with _setting:
         previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
         try:

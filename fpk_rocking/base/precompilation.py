@@ -50,7 +50,10 @@ _queued = []
 
 
 def task_for_block(task, scene):
-    """Return the task that compiles for a scene: kernels are made for slender and for exact blocks apart."""
+    """Return the name of the task that compiles for a scene: kernels are made for slender and for exact blocks apart.
+
+    `task` is that for slender blocks; the other ends with "_exact".
+    """
     return f"{task}_exact" if scene.block.critical_angle > 0.0 else task
 
 
@@ -65,7 +68,7 @@ def run_task(task):
 
 
 def queue_for_helpers(task):
-    """Add a task to those that helper processes of the next `start_helpers` compile, after the tasks passed to that."""
+    """Add a task, one of `TASKS`, to those that helper processes of the next `start_helpers` compile after its own."""
     _queued.append(task)
 
 
@@ -91,14 +94,17 @@ def start_helpers(task, *helping):
 
 
 def ensure_compiled(task):
-    """Run a task in this process unless its machine code is on the disk: before workers start that need it."""
+    """Run a task, one of `TASKS`, in this process unless its code is on the disk: before workers start that need it."""
     if not _is_compiled(task):
         start_helpers(task)
         run_task(task)
 
 
 def start_process(*tasks):
-    """Start a process that runs tasks one after the other; it ends when its standard input is closed."""
+    """Start a process that runs `tasks`, of `TASKS`, one after the other; return its `subprocess.Popen`.
+
+    The process ends when its standard input is closed.
+    """
     code = _RUN.format(path=sys.path, tasks=tasks)
     silent = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return subprocess.Popen([sys.executable, "-c", code], **silent)  # noqa: S603  (this interpreter, our own text)
@@ -145,7 +151,10 @@ def processors():
 
 
 def _mark_file(task):
-    """Path of the file whose presence marks a task as compiled, for this source code, this numba and this processor."""
+    """Path of the file whose presence marks a task, one of `TASKS`, as compiled.
+
+    It holds for this source code, this numba and this processor.
+    """
     import numba
     from llvmlite import binding
 
@@ -158,7 +167,7 @@ def _mark_file(task):
 
 
 def _is_compiled(task):
-    """Whether the machine code of a task is on the disk."""
+    """Whether the machine code of a task, one of `TASKS`, is on the disk."""
     try:
         return _mark_file(task).exists()
     except OSError:
@@ -166,7 +175,7 @@ def _is_compiled(task):
 
 
 def _mark_compiled(task):
-    """Mark a task as compiled, where the disk can be written to."""
+    """Mark a task, one of `TASKS`, as compiled, where the disk can be written to."""
     with contextlib.suppress(OSError):
         place = _mark_file(task)
         place.parent.mkdir(parents=True, exist_ok=True)

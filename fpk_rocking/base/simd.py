@@ -36,17 +36,22 @@ class _Model(models.PrimitiveModel):
 
 
 def _shuffled(builder, value, order):
+    """Generate a vector of the elements of an LLVM vector `value` whose indices are `order`, a sequence of int."""
     mask = ir.Constant(ir.VectorType(_INDEX, len(order)), [ir.Constant(_INDEX, k) for k in order])
     return builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), mask)
 
 
 def _spread(builder, value):
+    """Generate the vector whose `WIDTH` elements are all the LLVM double `value`."""
     first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(_INDEX, 0))
     return _shuffled(builder, first, [0] * WIDTH)
 
 
 def _define(operation, name):
-    """Give lanes an operation among themselves and with a number."""
+    """Give `Lanes` an operation among themselves and with a number.
+
+    `operation` is a function of `operator`, and `name` is the method of llvmlite's builder that does it.
+    """
     both = (lanes, lanes), (lanes, types.float64), (types.float64, lanes)
 
     @infer_global(operation)
@@ -66,6 +71,10 @@ for _operation, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (opera
 
 
 def _place(context, builder, kind, array, row):
+    """Generate the pointer, to a vector, to the begin of a row of an array; row 0 where `row` is None.
+
+    `kind` is the array's numba type; `array` and `row` are LLVM values.
+    """
     found = context.make_array(kind)(context, builder, array)
     start = builder.bitcast(found.data, ir.IntType(8).as_pointer())
     if row is not None:
@@ -79,7 +88,10 @@ _intrinsic: Callable[..., Callable[..., Any]] = intrinsic
 
 @_intrinsic
 def load(typing, array, row) -> Any:  # noqa: ARG001  (what numba passes)
-    """Return the first eight numbers of a row of a contiguous array (n, m), m >= 8."""
+    """Return the first eight numbers (`Lanes`) of a row of a contiguous array (n, m), m >= 8.
+
+    Kernels pass the array and the row's index; numba adds `typing`.
+    """
 
     def generate(context, builder, called, arguments):
         return builder.load(_place(context, builder, called.args[0], *arguments), align=8)
@@ -89,7 +101,10 @@ def load(typing, array, row) -> Any:  # noqa: ARG001  (what numba passes)
 
 @_intrinsic
 def store(typing, array, row, value) -> Any:  # noqa: ARG001
-    """Write into the first eight numbers of a row of a contiguous array (n, m), m >= 8."""
+    """Write `value`, `Lanes`, into the first eight numbers of a row of a contiguous array (n, m), m >= 8.
+
+    Kernels pass the array, the row's index and the value; numba adds `typing`.
+    """
 
     def generate(context, builder, called, arguments):
         builder.store(arguments[2], _place(context, builder, called.args[0], *arguments[:2]), align=8)
@@ -100,7 +115,10 @@ def store(typing, array, row, value) -> Any:  # noqa: ARG001
 
 @_intrinsic(prefer_literal=True)
 def spread(typing, value, lane) -> Any:  # noqa: ARG001
-    """Return one of eight numbers, by a literal index, as often."""
+    """Return `Lanes` that all are one of the eight numbers of `value`, `Lanes`: the one of index `lane`, a literal.
+
+    Kernels pass the value and the index; numba adds `typing`.
+    """
 
     def generate(context, builder, called, arguments):  # noqa: ARG001
         return _shuffled(builder, arguments[0], [lane.literal_value] * WIDTH)
@@ -110,7 +128,7 @@ def spread(typing, value, lane) -> Any:  # noqa: ARG001
 
 @_intrinsic
 def total(typing, value) -> Any:  # noqa: ARG001
-    """Return the sum of eight numbers."""
+    """Return the sum of the eight numbers of `value`, `Lanes`; kernels pass it alone, numba adds `typing`."""
 
     def generate(context, builder, called, arguments):  # noqa: ARG001
         sums, size = arguments[0], WIDTH

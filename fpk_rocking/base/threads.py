@@ -22,7 +22,7 @@ def thread_count():
 
 @contextlib.contextmanager
 def at_most(threads):
-    """Let kernels that are called within the block use so many threads at most."""
+    """Let kernels that are called within the block use at most `threads` threads (int)."""
     token = _most.set(threads)
     try:
         yield
@@ -32,6 +32,7 @@ def at_most(threads):
 
 @functools.cache
 def _pool():
+    """Pool of the threads, made at the first call."""
     return concurrent.futures.ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS)
 
 
@@ -40,7 +41,7 @@ if hasattr(os, "register_at_fork"):
 
 
 def map_threads(function, items):
-    """Call a function, which runs kernels, with each of some items; the threads take them in turn."""
+    """Call a function, which runs kernels, with each of some items (a sequence); the threads take them in turn."""
     waiting = iter(items)
 
     def work():
@@ -51,7 +52,10 @@ def map_threads(function, items):
 
 
 def run_in_parts(kernel, count, *arguments):
-    """Call ``kernel(begin, end, *arguments)`` for ranges that together are 0 to `count`, a range for each thread."""
+    """Call ``kernel(begin, end, *arguments)`` for ranges that together are 0 to `count`, a range for each thread.
+
+    `arguments` are the same in each call; the kernel returns nothing.
+    """
     threads = max(min(thread_count(), count), 1)
     ends = [count * k // threads for k in range(threads + 1)]
     _run_together([functools.partial(kernel, *ends[k : k + 2], *arguments) for k in range(threads)])

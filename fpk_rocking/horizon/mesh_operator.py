@@ -58,19 +58,28 @@ class MeshOperator:
             step.activate(everything)
 
     def vector(self, coefficients):
-        """Vector (unknowns,) of a function; Euclidean products of vectors are integrals of products of functions."""
+        """Vector (unknowns,) of a function; Euclidean products of vectors are integrals of products of functions.
+
+        `coefficients`, of the shape ``space.shape``, are those of the function.
+        """
         return (coefficients * self._root).ravel()
 
     def coefficients(self, vector):
-        """Coefficients of the function that a real vector (unknowns,) stands for."""
+        """Coefficients, of the shape ``space.shape``, of the function that a real vector (unknowns,) stands for."""
         return vector.reshape(self.space.shape) / self._root
 
     def reflected(self, coefficients):
-        """Coefficients of a function at the end of a symmetry period as the next period begins with them."""
+        """Coefficients of a function at the end of a symmetry period as the next period begins with them.
+
+        They are of the shape ``space.shape`` before and after.
+        """
         return reflected(coefficients) if self.periods == 2 else coefficients
 
     def forward(self, coefficients):
-        """Density after a symmetry period, reflected, and the outflow (3,): absorbed left and right, truncated."""
+        """Density after a symmetry period, reflected, and the outflow (3,): absorbed left and right, truncated.
+
+        `coefficients` are those of the density before it, of the shape ``space.shape``, as are those after it.
+        """
         outflow = np.zeros(3)
         for step in self.propagator.steps:
             coefficients, masses = step.apply(coefficients)
@@ -78,7 +87,10 @@ class MeshOperator:
         return self.reflected(coefficients), outflow
 
     def backward(self, values):
-        """Mean, before a symmetry period, of a function of the reflected state after it."""
+        """Mean, before a symmetry period, of a function of the reflected state after it.
+
+        `values` are the coefficients of that function, of the shape ``space.shape``, as are those of the mean.
+        """
         values = self.reflected(values)
         for step in reversed(self.propagator.steps):
             values = step.apply_adjoint(values, np.zeros(3))
@@ -104,7 +116,10 @@ class MeshOperator:
         return self.vector(self.backward(self.coefficients(vector)))
 
     def l1(self, vector):
-        """Bound on the integral of the absolute value of a function, by Schwarz in every cell."""
+        """Bound on the integral of the absolute value of a function, by Schwarz in every cell.
+
+        `vector` (unknowns,) stands for the function.
+        """
         squares = np.sum(vector.reshape(self.space.shape) ** 2, axis=(2, 3))
         return float(np.sqrt(squares * self.space.areas).sum())
 
@@ -185,12 +200,12 @@ class MeshOperator:
         )
 
     def at_phase(self, phase):
-        """Operator on a mesh of the same resolution for another forcing phase, radians."""
+        """Return the `MeshOperator` on a mesh of the same resolution for another forcing phase, radians."""
         white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
         return MeshOperator(white, *self._inputs, bound_for_all_starts(white, self._inputs[1]))
 
     def survival(self, cycles, start):
-        """Survival of a start after numbers of cycles (n,), and the estimated error of the modes: two arrays (n,)."""
+        """Survival of a `Start` after numbers of cycles (n,), and the estimated error of the modes: two arrays (n,)."""
         first = self.propagator.propagate(self._white.period * np.arange(2), start=start)
         powers, one = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
@@ -203,15 +218,15 @@ class MeshOperator:
         return survival, left_out
 
     def backward_powers(self):
-        """Powers of the adjoint, applied to the function 1: survival of every start."""
+        """`Powers` of the adjoint, applied to the function 1: survival of every start."""
         return self._powers(self.vector(self.one), adjoint=True)
 
     def mean_time(self):
-        """Mean time until overturning, in cycles, as a vector: the sum over all symmetry periods to come."""
+        """Mean time until overturning, in cycles, a vector (unknowns,): the sum over all symmetry periods to come."""
         return self._powers(self.vector(self.time_inside()), adjoint=True).total()
 
     def _powers(self, vector, adjoint=False):
-        """Powers of K, or of its adjoint, applied to a vector."""
+        """Return the `Powers` of K, or of its adjoint, applied to a vector (unknowns,)."""
         apply = self.rmatvec if adjoint else self.matvec
         return Powers(
             apply, lambda: self.left_modes if adjoint else self.modes, self.l1, lambda: self.log_eigenvalue, vector
@@ -267,7 +282,10 @@ def refine_operator(white, tol):
 
 
 def is_stagnated(refined):
-    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it."""
+    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it.
+
+    `refined` is a `Refined` whose solutions are a `MeshOperator` each.
+    """
     fine, coarse = refined.fine, refined.coarse
     still = max(abs(fine.solution.rate), abs(coarse.solution.rate)) < TUNING.least_rate
     most = max(2.0 * TUNING.unresolved_negative_mass, TUNING.operator_negative_ratio * coarse.negative_mass)
@@ -275,7 +293,10 @@ def is_stagnated(refined):
 
 
 def judge(refined, tol):
-    """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted."""
+    """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted.
+
+    `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` is that of `refine_operator`.
+    """
     fine, limit = refined.fine, TUNING.unresolved_negative_mass
     if fine.negative_mass > limit:
         raise ValueError(
@@ -333,10 +354,11 @@ def bound_for_all_starts(white, motion):
 
 
 def bound_for_all_phases(white):
-    """Bound for every phase: to stand after an impact at v, e v must be below the speed of a sure escape.
+    """Velocity bound for every phase of a scene with white noise, nondimensional.
 
-    What is lost on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard
-    deviations of the noise (derived in docs/theory, "One cycle as an operator").
+    To stand after an impact at v, e v must be below the speed of a sure escape. What is lost on the way to the impact
+    is bounded by the cut-off, the swing of the forcing and eight standard deviations of the noise (derived in
+    docs/theory, "One cycle as an operator").
     """
     swing, cutoff, noise = (
         white.forcing.swing,
@@ -349,5 +371,8 @@ def bound_for_all_phases(white):
 
 
 def _largest(coefficients):
-    """Largest size of a coefficient in each cell, (angle cells, velocity cells)."""
+    """Largest size of a coefficient in each cell, (angle cells, velocity cells).
+
+    `coefficients` are those of a function, of the shape ``space.shape``.
+    """
     return np.abs(coefficients).max(axis=(2, 3))

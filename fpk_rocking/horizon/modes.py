@@ -105,7 +105,7 @@ class Powers:
         self._amplitudes, self._left_out = None, 0.0
 
     def after(self, count):
-        """Vector after so many applications, not fewer than were asked for before."""
+        """Vector (unknowns,) after `count` applications, not fewer than were asked for before."""
         while self._count < count and self._amplitudes is None:
             self._advance()
         if self._amplitudes is None:
@@ -113,7 +113,7 @@ class Powers:
         return self._by_modes(count - self._count)
 
     def total(self):
-        """Sum of the vectors after every number of applications, 0 included."""
+        """Sum (unknowns,) of the vectors after every number of applications, 0 included."""
         total = np.zeros_like(self._vector)
         while self._amplitudes is None:
             before = self._vector
@@ -126,7 +126,7 @@ class Powers:
         return total + modes.basis @ (further @ self._amplitudes)
 
     def left_out(self, count):
-        """L1 norm of the neglected part of a density after a number of applications of the operator.
+        """L1 norm of the neglected part of a density after `count` applications of the operator.
 
         What a least-squares fit leaves holds a part of the leading mode: it falls like that mode, not like those that
         were not computed (derived in docs/theory, "One cycle as an operator").
@@ -150,7 +150,7 @@ class Powers:
         self._vector, self._count = self._apply(self._vector), self._count + 1
 
     def _by_modes(self, further):
-        """Vector after `further` applications of the operator, by powers of the eigenvalues."""
+        """Vector (unknowns,) after `further` applications of the operator, by powers of the eigenvalues."""
         modes = self._modes()
         power = np.zeros_like(modes.block)
         power[0, 0] = np.exp(further * self._leading_log())

@@ -138,15 +138,18 @@ class CycleOperator(Result, LinearOperator):
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 
     def _matvec(self, vector):
-        """Coefficients after a cycle, from those before it."""
+        """Vector (unknowns,) after a cycle, from that before it."""
         return self._repeated(self._fine.matvec, vector)
 
     def _rmatvec(self, vector):
-        """Apply the transpose of `_matvec` to coefficients."""
+        """Apply the transpose of `_matvec` to a vector (unknowns,)."""
         return self._repeated(self._fine.rmatvec, vector)
 
     def _repeated(self, apply, vector):
-        """Apply the map of a symmetry period as often as there are such periods in a cycle."""
+        """Apply a map over a symmetry period to a vector (unknowns,) as often as there are such periods in a cycle.
+
+        `apply` is the map, from vector to vector.
+        """
         vector = np.ascontiguousarray(vector, dtype=float).ravel()
         for _ in range(self._fine.periods):
             vector = apply(vector)
@@ -208,7 +211,7 @@ class CycleOperator(Result, LinearOperator):
         return figure_of(density, eigenvalues)
 
     def _shown_edges(self):
-        """Edges in angle and in velocity of the bins in which the quasi-stationary density is drawn."""
+        """Edges in angle (n + 1,) and velocity (m + 1,) of the bins in which the quasi-stationary density is drawn."""
         edges = joint_edges(self.scene)
         return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
@@ -378,7 +381,12 @@ class CycleOperator(Result, LinearOperator):
         return self._map(MeshOperator.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
-        """`PlaneMap` at a phase of the coefficients that a function makes of an operator; its error from two meshes."""
+        """Return the `PlaneMap` at a forcing phase, radians or None, of what a function makes.
+
+        `function` takes a `MeshOperator` and returns a vector (unknowns,); the error is from two meshes. `from_start`,
+        if any, takes a function of numbers of cycles that returns survival (n,) from one start, and returns the map's
+        value there.
+        """
         own = periodic(self.scene.forcing).phase
         phase = own if phase is None else checks.number("phase", phase)
         meshes = [self._fine, self._coarse]
@@ -392,7 +400,11 @@ class CycleOperator(Result, LinearOperator):
         return PlaneMap(space, fine, phase, float(error), starts)
 
     def _values_at_starts(self, mesh, function):
-        """Angle, velocity and value of a function of survival, from rest and from the scene's start."""
+        """Tuple of (angle, velocity, value) at rest and at the scene's start, where these are points.
+
+        `mesh` is a `MeshOperator`; `function` is called with a function of numbers of cycles that returns survival (n,)
+        from that start, and returns the value.
+        """
         starts, values = {Start(), self._white.start}, []
         for start in (start for start in starts if start.covariance is None):
             value = function(lambda *cycles, start=start: mesh.survival(np.array(cycles), start)[0])

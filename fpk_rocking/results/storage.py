@@ -119,14 +119,14 @@ def result_kind(path: File) -> str:
 
 
 def _fields(cls):
-    """Names and annotations of the fields of a dataclass or a NamedTuple."""
+    """Names and annotations, a list of pairs, of the fields of a dataclass or a NamedTuple."""
     hints = typing.get_type_hints(cls, include_extras=True)
     names = cls._fields if hasattr(cls, "_fields") else [field.name for field in dataclasses.fields(cls)]
     return [(name, hints[name]) for name in names]
 
 
 def _form(annotation):
-    """Dtype and lengths of an annotated array, as in "f8 n k+1"; None of any other annotation."""
+    """Text of dtype and lengths of an annotated array, as in "f8 n k+1"; None of any other annotation."""
     return annotation.__metadata__[0] if typing.get_origin(annotation) is typing.Annotated else None
 
 
@@ -138,7 +138,10 @@ def _nested(annotation):
 
 
 def _take_apart(result, prefix, arrays, attributes, scenes):
-    """Collect the arrays, attributes and scenes of a result by the names that they have in a file."""
+    """Collect what a result holds by the names that it has in a file, which begin with `prefix`.
+
+    Arrays are put into the dict `arrays`, plain values into the dict `attributes`, and scenes into the list `scenes`.
+    """
     for name, annotation in _fields(type(result)):
         value = getattr(result, name)
         if _form(annotation):
@@ -152,7 +155,11 @@ def _take_apart(result, prefix, arrays, attributes, scenes):
 
 
 def _build(cls, prefix, parts, scenes, lengths):
-    """Make an object of a class from what `_take_apart` collected, which is taken out of `parts`."""
+    """Make an object of a class from what `_take_apart` collected, which is taken out of `parts`.
+
+    `prefix` begins the names in `parts`, a dict of arrays and attributes; `scenes` is the list of all scenes, and
+    `lengths` the dict of the lengths of letters, which is added to.
+    """
     values = {}
     for name, annotation in _fields(cls):
         key, nested = prefix + name, _nested(annotation)
@@ -172,7 +179,10 @@ def _build(cls, prefix, parts, scenes, lengths):
 
 
 def _check(name, value, annotation, lengths):
-    """Raise ValueError where an array or an attribute is not as its annotation says; `lengths` are those of letters."""
+    """Raise ValueError where an array or an attribute is not as its annotation says.
+
+    `name` is for the message, and `lengths` the dict of the lengths of letters, which is added to.
+    """
     form = _form(annotation)
     if form is None:
         kind = typing.get_origin(annotation) or annotation
@@ -188,7 +198,10 @@ def _check(name, value, annotation, lengths):
 
 
 def _fits(length, dim, lengths):
-    """Whether an array's length is as stated, such as "2", "n" or "20k+1"; a letter's first length is kept."""
+    """Whether an array's length is as stated by the text `dim`, such as "2", "n" or "20k+1".
+
+    `lengths` is the dict of the lengths of letters; a letter's first length is kept there.
+    """
     ((factor, letter, added),) = re.findall(r"^(\d*)([a-z]?)(\+1)?$", dim)
     length, factor = length - bool(added), int(factor or 1)
     if not letter:
@@ -198,7 +211,7 @@ def _fits(length, dim, lengths):
 
 @contextlib.contextmanager
 def _opened(path):
-    """Open a result file as (header, archive)."""
+    """Open a result file as (header, archive): what `_header` returns, and a `zipfile.ZipFile`."""
     try:
         file = checks.path("path", path).open("rb")
     except FileNotFoundError:
@@ -215,7 +228,10 @@ def _opened(path):
 
 
 def _array(path, archive, name):
-    """Read an array, to the end first: numpy reads no further than a shape says, and the checksum is known last."""
+    """Read an array by its name from a zip archive; `path` is that of the file, for messages.
+
+    It is read to the end first: numpy reads no further than a shape says, and the checksum is known last.
+    """
     try:
         with archive.open(f"{name}.npy") as member:
             while member.read(2**20):
@@ -227,12 +243,12 @@ def _array(path, archive, name):
 
 
 def _damaged(path, error):
-    """Return the error for a file whose bytes are damaged."""
+    """Return the ValueError for a file at `path` whose bytes are damaged, as an exception `error` showed."""
     return ValueError(f"{path}: a damaged saved result ({error})")
 
 
 def _header(path, archive):
-    """Read and check the header of a result file."""
+    """Read and check the header of a result file, a dict, from its zip archive; `path` is for messages."""
     refusal = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
     if f"{_HEADER}.npy" not in archive.namelist():
         raise ValueError(refusal)

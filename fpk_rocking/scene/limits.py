@@ -59,7 +59,7 @@ def check(scene: Any) -> None:
 
 
 def _check_band(noise, frequency):
-    """Refuse a band beyond 1e4 or 1e5 times the forcing's frequency, and more than 100,000 harmonics."""
+    """Refuse a `BandNoise` beyond 1e4 or 1e5 times the forcing's `frequency`, and more than 100,000 harmonics."""
     highest = min(1e4, 1e5 * frequency)
     if noise.band[1] > highest:
         accepted = f"frequencies up to {highest:g}, and up to 100000 times that of the forcing{checks.ENGINES}"
@@ -69,7 +69,10 @@ def _check_band(noise, frequency):
 
 
 def _check_filter(noise, frequency):
-    """Refuse a filter whose rates or damping double precision does not resolve, or is far faster than the forcing."""
+    """Refuse a `FilteredNoise` whose rates or damping double precision does not resolve, or that is far too fast.
+
+    Its fastest rate may be up to 1e4 times the forcing's `frequency`, nondimensional.
+    """
     low, high = 1e-3, 1e3
     if noise.damping is not None and not low <= noise.damping <= high:
         raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{checks.ENGINES}"))
@@ -87,7 +90,7 @@ def _check_filter(noise, frequency):
 
 
 def _check_covariance(start):
-    """Refuse a covariance with a variance from which no square can be taken without loss."""
+    """Refuse a `Start` whose covariance has a variance from which no square can be taken without loss."""
     if start.covariance is None:
         return
     low, high = 1e-24, 1e8
@@ -165,12 +168,12 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
 
 
 def _noise_rms(noise):
-    """Root mean square of a noise, nondimensional; inf for white noise."""
+    """Root mean square of a noise of any kind, nondimensional; inf for white noise."""
     if noise.kind == "white":
         return math.inf if noise.diffusion > 0.0 else 0.0
     return math.sqrt(noise.variance)
 
 
 def _in_both_units(acceleration):
-    """Return an acceleration in m/s² and in g."""
+    """Return an acceleration, m/s², as a text in m/s² and in g."""
     return f"{acceleration:.4g} m/s² ({acceleration / STANDARD_GRAVITY:.2g} g)"

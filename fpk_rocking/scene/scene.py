@@ -357,12 +357,12 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
 
 
 def _fields(value):
-    """Return the fields of a dataclass, themselves and not copied."""
+    """Return the fields of a dataclass object as a dict by name, themselves and not copied."""
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
 def _change(document, name, value):
-    """Set a value of parsed TOML by its dotted name; another form of the same quantity gives way to it."""
+    """Set a value in `document`, parsed TOML, by its dotted name; another form of the same quantity gives way to it."""
     *path, key = name.split(".")
     table = document
     for place, part in enumerate(path):
@@ -373,14 +373,17 @@ def _change(document, name, value):
 
 
 def _check_cutoff(cutoff, critical_angle):
-    """Refuse an angle of overturning at which gravity would turn a block back."""
+    """Refuse an angle of overturning, in critical angles, at which gravity would turn a block back; α is in radians."""
     if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
         most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
         raise ValueError(checks.refusal("overturning.angle", cutoff, most))
 
 
 def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
-    """Return the forcing of `Scene.from_block`: the Record, or a pulse or harmonic scaled by Dimensions `size`."""
+    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by `Dimensions` `size`.
+
+    `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None; the others are as of `Scene.from_block`.
+    """
     if record is not None:
         checks.instance("record", record, Record)
         for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):

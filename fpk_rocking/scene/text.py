@@ -55,7 +55,10 @@ def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> 
 
 
 def _nondimensional_value(name, key, table, size):
-    """Return the value of a key of a table, converted to a nondimensional one."""
+    """Return the value of a key of a table (dict), converted to a nondimensional one.
+
+    `name` is the table's, and `size` the `Dimensions` of the block, or None.
+    """
     value, plain = table[key], nondimensional(key)
     name = f"{name}.{key}"
     if isinstance(value, dict):
@@ -75,7 +78,7 @@ def _nondimensional_value(name, key, table, size):
 
 
 def nondimensional(key: str) -> str:
-    """Return the nondimensional key of a scene file that one with a unit stands for; any other as it is."""
+    """Return the key of the nondimensional quantity for which a key of a scene file stands; it may have a unit."""
     if key == "corner_hz":  # of a record, which is in seconds
         return key
     ending = next((ending for ending in _SUFFIXES if key.endswith(ending)), "")
@@ -83,7 +86,10 @@ def nondimensional(key: str) -> str:
 
 
 def _converted(name, key, value, size):
-    """Return a quantity with a unit, or a list of them, as nondimensional numbers."""
+    """Return a quantity with a unit, or a list of them, as nondimensional numbers.
+
+    `name` is its dotted name, `key` the last part of that, and `size` the `Dimensions` of the block.
+    """
     if key in _STRENGTHS:
         strength = checks.number(name, in_units(name, value, "acceleration"), at_least=0.0)
         return size.amplitude(strength) ** _STRENGTHS[key][1]
@@ -120,7 +126,10 @@ def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
 
 
 def table_of(name: str, part: Any) -> str:
-    """Return the TOML table of a part of a scene, without the parts that have tables of their own."""
+    """Return the TOML table of a part of a scene, a dataclass, without the parts that have tables of their own.
+
+    `name` is that of the table.
+    """
     if isinstance(part, Filter) and part.kind not in FILTER_KINDS:
         part = part.faster(1.0)  # a class that no reader knows, as its three matrices
     lines = [f"[{name}]"]
@@ -134,12 +143,12 @@ def table_of(name: str, part: Any) -> str:
 
 
 def _read(cls):
-    """Return the reader of a table with the parameters of a class."""
+    """Return the reader (name, table, folder) of a table with the parameters of a dataclass, which returns one."""
     return lambda name, table, _: cls(**checks.arguments(name, table, cls))
 
 
 def _block(name, table, folder):
-    """Read the block from its table."""
+    """Read the `Block` from its table (dict) and that of its dimensions; `name` is the table's."""
     values = checks.arguments(name, table, Block)
     if "dimensions" in values:
         values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"], folder)
@@ -147,7 +156,11 @@ def _block(name, table, folder):
 
 
 def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arguments)):
-    """Return the reader of a table whose key "kind" names one of several classes."""
+    """Return the reader (name, table, folder) of a table whose key "kind" names one of several classes.
+
+    `classes` (dict) are these by their kind, `default` is the kind where the key is missing, or None where it is
+    required, and `make(cls, name, table, folder)` makes an object from the table without its kind.
+    """
 
     def read(name, table, folder):
         values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
@@ -162,7 +175,7 @@ def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arg
 
 
 def _noise(name, table, folder):
-    """Read a noise from its table, with the tables of its envelope and filter."""
+    """Read a noise from its table (dict), with the tables of its envelope and filter; `name` is the table's."""
     values = dict(checks.table(name, table))
     if "envelope" in values:
         values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)

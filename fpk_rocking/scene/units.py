@@ -71,7 +71,7 @@ def in_units(name: str, value: Any, kind: str) -> Any:
 
 
 def _unit_in(text, units):
-    """Return the unit that a text means, in letters of any size, or None."""
+    """Return the unit, a key of the dict `units`, that a text means, in letters of any size, or None."""
     return next((unit for unit in units if unit.lower() == text.lower()), None)
 
 

@@ -19,7 +19,7 @@ class Size(Protocol):
     """The conversions by the size of a block that a forcing in seconds and m/s² needs, see `Dimensions`."""
 
     def amplitude(self, peak_acceleration: Array) -> Array:
-        """Convert an acceleration, m/s², to a nondimensional one."""
+        """Convert accelerations (...), m/s², to nondimensional ones of the same shape."""
 
     def tau(self, seconds: float) -> float:
         """Convert seconds to nondimensional time."""
@@ -42,34 +42,34 @@ class Force(abc.ABC):
 
     @abc.abstractmethod
     def value(self, time: float) -> float:
-        """Force f at a time, that after a jump where there is one."""
+        """Force f at a nondimensional time, that after a jump where there is one."""
 
     @abc.abstractmethod
     def slope(self, time: float) -> float:
-        """Slope of the force at a time."""
+        """Slope of the force at a nondimensional time."""
 
     @abc.abstractmethod
     def particular(self, time: float) -> tuple[float, float]:
-        """Particular solution P and its derivative at a time."""
+        """Particular solution P and its derivative P' at a nondimensional time."""
 
     @abc.abstractmethod
     def particular_over(self, start: float, duration: float) -> Array:
-        """Polynomial coefficients (TERMS,) of P over a step, in the time since its start."""
+        """Polynomial coefficients (TERMS,) of P over a step of a duration, in the time since its start."""
 
     @abc.abstractmethod
     def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it has not."""
+        """Time since |f| last rose through 1 before a time, and the slope of |f| there; (inf, 0) where it has not."""
 
     @abc.abstractmethod
     def scaled(self, strength: float, rate: float) -> "Force":
-        """Return the force of accelerations and frequencies multiplied by factors, above 0."""
+        """Return the force of accelerations multiplied by `strength` and frequencies by `rate`, both above 0."""
 
     def in_units_of(self, level: float) -> "Force":
-        """Return the force divided by a level at which a block lifts off; `since_lift_off` is then of that level."""
+        """Return the force divided by a level of |f| at which a block lifts off; `since_lift_off` then is of it."""
         return self if level == 1.0 else self.scaled(1.0 / level, 1.0)
 
     def shifted(self, time: float) -> "Force":
-        """Return the force whose times count from a time on."""
+        """Return the force whose times count from a nondimensional time on."""
         return _Shifted(self, time)
 
 
@@ -91,27 +91,30 @@ class _Shifted(Force):
         return self.force.steepest
 
     def value(self, time):
-        """Force at a time since the origin."""
+        """Force at a time since the origin, a float."""
         return self.force.value(time + self.origin)
 
     def slope(self, time):
-        """Slope of the force at a time since the origin."""
+        """Slope of the force at a time since the origin, a float."""
         return self.force.slope(time + self.origin)
 
     def particular(self, time):
-        """Particular solution P and its derivative at a time since the origin."""
+        """Particular solution P and its derivative P', floats, at a time since the origin."""
         return self.force.particular(time + self.origin)
 
     def particular_over(self, start, duration):
-        """Polynomial coefficients (TERMS,) of P over a step that starts at a time since the origin."""
+        """Coefficients (TERMS,) of P over a step of a duration, in the time since its start.
+
+        `start` is a time since the origin.
+        """
         return self.force.particular_over(start + self.origin, duration)
 
     def since_lift_off(self, time):
-        """Time since |f| last rose through 1, and the slope of |f| there, at a time since the origin."""
+        """Time since |f| last rose through 1, and the slope of |f| there, as seen at a time since the origin."""
         return self.force.since_lift_off(time + self.origin)
 
     def scaled(self, strength, rate):
-        """Return the force with accelerations and frequencies multiplied by factors; its origin moves along."""
+        """Return the force with accelerations times `strength` and frequencies times `rate`; its origin moves along."""
         return _Shifted(self.force.scaled(strength, rate), self.origin / rate)
 
 
@@ -188,7 +191,7 @@ class Forcing(Force):
 
     @abc.abstractmethod
     def spacing(self, longest: float) -> float:
-        """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece."""
+        """Largest spacing up to `longest` of a grid from 0 on whose intervals each see one polynomial piece."""
 
     @abc.abstractmethod
     def pieces(self, instants: Array) -> Array:
@@ -196,11 +199,14 @@ class Forcing(Force):
 
     @abc.abstractmethod
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force (count, 3) at the begin, the middle and the end of the intervals of a uniform grid from 0 on."""
+        """Force (count, 3) at the begin, the middle and the end of each interval of a uniform grid from 0 on.
+
+        `spacing` is that of the grid, nondimensional, and `count` the number of its intervals.
+        """
 
     @abc.abstractmethod
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the forcing of accelerations and frequencies multiplied by factors, above 0."""
+        """Return the forcing of accelerations multiplied by `strength` and frequencies by `rate`, both above 0."""
 
     def check_range(self) -> None:
         """Refuse sizes that the engines cannot carry, by name."""
@@ -213,7 +219,10 @@ class Forcing(Force):
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:  # noqa: ARG003  (for those from files)
-        """Read the forcing from a TOML table without its kind; files are relative to a folder."""
+        """Read the forcing from a TOML table (dict) without its kind; `name` is the table's, for messages.
+
+        Files that it names are relative to a folder.
+        """
         return cls(**checks.arguments(name, table, cls))
 
 
@@ -225,5 +234,8 @@ def refuse_transient(forcing: Any, what: str) -> None:
 
 
 def longest_of(period: float) -> float:
-    """Longest time for which a Taylor series of TERMS terms is right to 1e-14, from the shortest period of f."""
+    """Longest time for which a Taylor series of TERMS terms is right to 1e-14, nondimensional.
+
+    `period` is the shortest period of f.
+    """
     return 0.8 * period / (2.0 * math.pi)

@@ -111,7 +111,10 @@ def corrected(samples: Array, interval: float, baseline: str, corner_hz: float =
 
 
 def drift_of(samples: Array, after: Array, interval: float) -> Drift:
-    """Compare samples with those after a correction, shape (n,), m/s², at an interval in seconds."""
+    """Return the `Drift` of `samples` (n,), m/s², from them and those `after` a correction (n,).
+
+    `interval` is the time between samples, seconds.
+    """
     speed, corrected_speed = _velocity(samples, interval), _velocity(after, interval)
     offset, slope, _ = _line(samples)
     return Drift(
@@ -127,11 +130,17 @@ def drift_of(samples: Array, after: Array, interval: float) -> Drift:
 
 
 def _velocity(samples, interval):
-    """Return the velocity at the samples (n,) of accelerations that are linear between them, 0 at the first."""
+    """Return the velocity (n,) at the samples (n,) of accelerations that are linear between them, 0 at the first.
+
+    The samples are in m/s² and the interval is in seconds.
+    """
     return interval * np.concatenate([[0.0], np.cumsum(0.5 * (samples[1:] + samples[:-1]))])
 
 
 def _line(samples):
-    """Return the line of least squares: value at the middle, slope a sample, and places (n,) from the middle."""
+    """Return the line of least squares through samples (n,), of any unit.
+
+    It is the value at the middle, the slope a sample, and the places (n,) of the samples, counted from the middle.
+    """
     steps = np.arange(len(samples)) - 0.5 * (len(samples) - 1)
     return float(samples.mean()), float(samples @ steps / (steps @ steps)), steps

@@ -43,7 +43,7 @@ class FileRecord(NamedTuple):
 
 
 def unit_of(text: str) -> str | None:
-    """Return the unit in `UNITS` that a text means, or None."""
+    """Return the unit in `UNITS` that a text, such as "cm/sec^2", means, or None."""
     return _SPELLINGS.get(text.strip().lower())
 
 
@@ -84,7 +84,10 @@ _OBSPY = ' (pip install "fpk-rocking[obspy]")'
 
 
 def _obspy(path):
-    """Read a record by ObsPy, in the unit of its numbers, which is not said; None where it cannot, or is missing."""
+    """Read a `FileRecord` by ObsPy, in the unit of its numbers, which is not said; None where it cannot.
+
+    It cannot either where ObsPy is missing.
+    """
     try:
         import obspy
     except ImportError:
@@ -135,7 +138,7 @@ _VALUE = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?", re.IGNORECASE)
 
 
 def _peer(text):
-    """Read a PEER file: four lines of header, and samples in rows."""
+    """Read the text of a PEER file, four lines of header and samples in rows, as a `FileRecord`."""
     lines = text.splitlines()
     if len(lines) < 5:
         raise ValueError(f"got {len(lines)} lines, accepted: four of header and the samples")
@@ -160,18 +163,24 @@ def _peer(text):
 
 
 def _printable(text):
-    """Return a line of a header without what a terminal or a page could not show."""
+    """Return a text, a line of a header, in one line and without what a terminal or a page could not show."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:200]
 
 
 def _parted(words, count):
-    """Return words, with numbers that fill their columns and run together parted if that gives the stated count."""
+    """Return a list of words, with numbers that run together parted if that gives the stated count (int).
+
+    Numbers that fill their columns have no blank between them.
+    """
     parts = [part for word in words for part in (_VALUE.findall(word) if len(word) > 1 else [word])]
     return parts if len(words) != count == len(parts) and "".join(parts) == "".join(words) else words
 
 
 def _esm(text):
-    """Read a file of the Engineering Strong Motion database: 64 lines ``NAME: value``, and a sample a line."""
+    """Read the text of a file of the Engineering Strong Motion database as a `FileRecord`.
+
+    It has 64 lines ``NAME: value``, and a sample a line.
+    """
     lines = text.splitlines()
     header = {
         name.strip(): value.strip() for name, colon, value in (line.partition(":") for line in lines[:64]) if colon
@@ -193,7 +202,10 @@ def _esm(text):
 
 
 def _columns(text):
-    """Read columns, parted by commas, semicolons, tabs or blanks: time and acceleration, or those that names tell."""
+    """Read a text of columns, parted by commas, semicolons, tabs or blanks, as a `FileRecord`.
+
+    The columns are time and acceleration, or those that names in the first line tell.
+    """
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)
@@ -222,14 +234,17 @@ def _columns(text):
 
 
 def _names(line):
-    """Return the names of columns in a line, each with the unit in brackets behind it."""
+    """Return the names of columns in a line of text, each with the unit in brackets behind it, as a list."""
     parting = next((mark for mark in ";\t," if mark in line), "")
     names = line.split(parting) if parting else re.findall(r"\S+(?:\s*[(\[][^)\]]*[)\]])?", line)
     return [name.strip().strip("\"'") for name in names]
 
 
 def _places(names):
-    """Return the columns of time and acceleration that names tell; None where they do not tell one of each."""
+    """Return the indices of the columns of time and acceleration that names tell, else None.
+
+    `names` is a list of text; None where it does not tell one of each.
+    """
     times = [place for place, name in enumerate(names) if re.match(r"t(ime|\b|_)", name, re.IGNORECASE)]
     found = [place for place, name in enumerate(names) if re.match(r"a(cc|\b|_)", name, re.IGNORECASE)]
     found = found or [place for place, name in enumerate(names) if place not in times and _unit_in(name)]
@@ -244,19 +259,22 @@ def _unit_in(name):
 
 
 def _entries(line):
-    """Return the entries of a line; a comma is a decimal one where semicolons or tabs part them."""
+    """Return the entries of a line as a list of text; a comma is a decimal one where semicolons or tabs part them."""
     if ";" in line or ("\t" in line and "," in line):
         return re.split(r"[;\s]+", line.replace(",", ".").strip().rstrip(";"))
     return line.replace(",", " ").split()
 
 
 def _is_number(word):
-    """Whether a word is a number, other than nan."""
+    """Whether a word (text) is a number, other than nan."""
     return not math.isnan(_number(word))
 
 
 def _interval(times, words, lines):
-    """Return the interval of times (n,), or refuse them where it is not one; with their words and lines in a file."""
+    """Return the interval, seconds, of times (n,) in a file, or refuse them where they are not equally spaced.
+
+    `words` are the times as they are written, and `lines` the numbers of their lines, n of each.
+    """
     steps = np.diff(times)
     interval = (times[-1] - times[0]) / (len(times) - 1)
     late = times - (times[0] + interval * np.arange(len(times)))
@@ -282,7 +300,10 @@ def _interval(times, words, lines):
 
 
 def _latest(times, late):
-    """Return the place before the time that is furthest off equal spacing, and the time expected after it."""
+    """Return the place before the time that is furthest off equal spacing, and the time expected after it.
+
+    `times` (n,) and how late each of them is, `late` (n,), are in seconds.
+    """
     place = int(np.argmax(np.abs(late)))
     return place - 1, times[place] - late[place]
 
@@ -290,7 +311,8 @@ def _latest(times, late):
 def _rounded_interval(times, words):
     """Return the interval of equally spaced times that were rounded to decimals; 0 where rounding explains them not.
 
-    They are rounded times if some line has all within half a unit of the last decimal. Fewer than ten tell nothing.
+    `times` (n,) are in seconds and `words` (n) are they as written. They are rounded times if some line has all within
+    half a unit of the last decimal. Fewer than ten tell nothing.
     """
     decimals = max(len(word.partition(".")[2]) for word in words)
     half, count = 0.5 * 10.0**-decimals, np.arange(len(times))
@@ -317,7 +339,10 @@ def _check_count(count):
 
 
 def _numbers(words, lines=()):
-    """Return words as finite numbers; their lines are for the message that refuses one."""
+    """Return words (n), texts, as an array (n,) of finite numbers, or raise ValueError.
+
+    `lines` (n) are the numbers of their lines, for the message; where there are none it says no line.
+    """
     try:
         values = np.array(words, dtype=float)
     except ValueError:
@@ -331,7 +356,7 @@ def _numbers(words, lines=()):
 
 
 def _number(word):
-    """Return a word as a float, nan where it is no number."""
+    """Return a word (text) as a float, nan where it is no number."""
     try:
         return float(word)
     except ValueError:

@@ -68,7 +68,7 @@ class PeriodicForcing(Forcing):
         return self.period
 
     def spacing(self, longest: float) -> float:
-        """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece.
+        """Largest spacing up to `longest` of a grid from 0 on whose intervals each see one polynomial piece.
 
         The grid divides the cycle.
         """
@@ -94,12 +94,12 @@ class PeriodicForcing(Forcing):
         return out
 
     def particular(self, time: float) -> tuple[float, float]:
-        """Particular solution P and its derivative at a time."""
+        """Particular solution P and its derivative P' at a nondimensional time."""
         ((value, slope, *_),) = self.pieces([time])
         return float(value), float(slope)
 
     def particular_over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
-        """Coefficients (TERMS,) of P in the time since the start of a step."""
+        """Coefficients (TERMS,) of P in the time since the start of a step; they do not depend on its duration."""
         return self.pieces([start])[0]
 
     def value(self, time: float) -> float:
@@ -112,12 +112,15 @@ class PeriodicForcing(Forcing):
         return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
 
     def values_in_cycle(self, places: Array, count: int) -> Array:
-        """Force at places (n,) of a cycle divided into equal parts, `count` of them: periodic to the last digit."""
+        """Force (n,) at places (n,) of a cycle, counted in its `count` equal parts: periodic to the last digit."""
         waves = (a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
         return np.asarray(-sum(waves))
 
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force (count, 3) at the begin, the middle and the end of the intervals of a grid that divides the cycle."""
+        """Force (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from 0 on.
+
+        `spacing` is that of the grid, nondimensional; it divides the cycle.
+        """
         values = self.values_in_cycle(np.arange(2 * count + 1), 2 * round(self.period / spacing))
         return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
 
@@ -148,7 +151,7 @@ class PeriodicForcing(Forcing):
         return _Sum(self.frequency, tuple(parts)).largest
 
     def mean_excess(self, level: float) -> float:
-        """Mean of max(f - level, 0) over a cycle, in closed form."""
+        """Mean of max(f - level, 0) over a cycle, in closed form; nondimensional, as is the level."""
         times = np.array([0.0, *_zeros(self, level, 0), self.period])
         middles, total = 0.5 * (times[1:] + times[:-1]), 0.0
         for begin, end, middle in zip(times[:-1], times[1:], middles, strict=True):
@@ -157,7 +160,7 @@ class PeriodicForcing(Forcing):
         return total / self.period
 
     def _integral(self, time):
-        """Antiderivative of f without its mean, at a time."""
+        """Antiderivative of f without its mean, at a nondimensional time, a float."""
         omega = self.frequency
         return -sum(a * math.sin(k * omega * time + phase) / (k * omega) for k, a, phase in self.components)
 
@@ -172,7 +175,7 @@ class PeriodicForcing(Forcing):
         return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
 
     def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it never does."""
+        """Time since |f| last rose through 1 before a time, and the slope of |f| there; (inf, 0) if it never does."""
         passages = _lift_offs(self)
         if not passages.lift_offs.size:
             return math.inf, 0.0
@@ -220,16 +223,16 @@ class Harmonic(PeriodicForcing):
         return ((1, self.amplitude, self.phase),)
 
     def at_phase(self, phase: float) -> Self:
-        """Return the forcing with another phase Ψ: begun at another time of its cycle."""
+        """Return the forcing with another phase Ψ, radians: begun at another time of its cycle."""
         return dataclasses.replace(self, phase=phase)
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
-        """Return the forcing with its harmonic multiplied by gain(Ω)."""
+        """Return the forcing with its harmonic multiplied by gain(Ω), a real number of either sign."""
         factor = float(gain(self.frequency))
         return dataclasses.replace(self, amplitude=self.amplitude * abs(factor), phase=_phase_times(self.phase, factor))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the forcing with amplitude and frequency multiplied by factors."""
+        """Return the forcing with the amplitude multiplied by `strength` and the frequency by `rate`."""
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
 
     @property
@@ -287,19 +290,22 @@ class Harmonics(PeriodicForcing):
         return tuple((k, amplitude, phase) for k, (amplitude, phase) in enumerate(pairs, 1))
 
     def at_phase(self, phase: float) -> Self:
-        """Return the forcing begun at another time of its cycle: that at which its first harmonic has a phase Ψ_1."""
+        """Return the forcing begun at another time of its cycle: that at which its first harmonic has a phase Ψ_1.
+
+        `phase` is Ψ_1, radians.
+        """
         ahead = phase - self.phases[0]
         return dataclasses.replace(self, phases=tuple(psi + k * ahead for k, psi in enumerate(self.phases, 1)))
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
-        """Return the forcing with every harmonic multiplied by gain(kΩ)."""
+        """Return the forcing with every harmonic multiplied by gain(kΩ), a real number of either sign."""
         factors = [float(gain(k * self.frequency)) for k, _, _ in self.components]
         amplitudes = (size * abs(factor) for size, factor in zip(self.amplitudes, factors, strict=True))
         phases = map(_phase_times, self.phases, factors)
         return dataclasses.replace(self, amplitudes=tuple(amplitudes), phases=tuple(phases))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the forcing with amplitudes and frequencies multiplied by factors."""
+        """Return the forcing with amplitudes multiplied by `strength` and the frequency by `rate`."""
         amplitudes = tuple(strength * amplitude for amplitude in self.amplitudes)
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
 
@@ -320,7 +326,7 @@ class _Sum(PeriodicForcing):
 
 
 def _phase_times(phase, factor):
-    """Return the phase of a harmonic after multiplication by a factor, of either sign."""
+    """Return the phase, radians, of a harmonic after multiplication by a factor, of either sign."""
     return phase if factor >= 0.0 else phase + math.pi
 
 
@@ -332,7 +338,10 @@ def periodic(forcing: Forcing) -> PeriodicForcing:
 
 
 def _add_cosine(row, instant, amplitude, frequency, phase):
-    """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²)."""
+    """Add to `row` (TERMS,) the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²).
+
+    `amplitude` is A, `frequency` Ω, and `phase` Ψ, radians.
+    """
     angle = frequency * instant + phase
     scale = amplitude / dynamic_stiffness(frequency)
     even, odd = scale * math.cos(angle), -scale * math.sin(angle)
@@ -355,7 +364,7 @@ class _LiftOffs:
 
 @functools.lru_cache(maxsize=16)
 def _lift_offs(forcing):
-    """Return the `_LiftOffs` of a periodic forcing, from roots of polynomials in exp(iΩτ)."""
+    """Return the `_LiftOffs` of a `PeriodicForcing`, from roots of polynomials in exp(iΩτ)."""
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
     largest = max(turning, default=mean)
@@ -370,10 +379,10 @@ def _lift_offs(forcing):
 
 
 def _zeros(forcing, level, derivative):
-    """Find the times in [0, T) at which f, or its derivative, passes a level.
+    """List of the times in [0, T) at which f, or its derivative, passes a level, for a `PeriodicForcing`.
 
-    They are roots on the unit circle of a polynomial: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a
-    polynomial of degree 2K.
+    `derivative` is 0 for f and 1 for f'. The times are roots on the unit circle of a polynomial: with z = exp(iΩτ) a
+    sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
     if forcing.steepest < 1e-300:
@@ -393,7 +402,10 @@ def _zeros(forcing, level, derivative):
 
 
 def _newton_step(forcing, time, level, derivative):
-    """Improve a simple zero of f - level by one step of Newton's; return one of the slope as it is."""
+    """Improve the time of a simple zero of f - level, for a `PeriodicForcing`, by one step of Newton's.
+
+    Where `derivative` is 1 the zero is one of f' - level, and is returned as it is.
+    """
     if derivative:
         return time
     slope = forcing.slope(time)

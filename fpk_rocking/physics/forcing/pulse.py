@@ -15,7 +15,7 @@ from fpk_rocking.physics.motion import TERMS
 
 
 def _sine(shift):
-    """Return a function that gives the Taylor coefficients (n, TERMS) of sin(z + shift) about z (n,)."""
+    """Return a function that gives the Taylor coefficients (n, TERMS) of sin(z + shift) about z (n,), in radians."""
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])
     return lambda z: np.sin(z[:, None] + shift + 0.5 * math.pi * order) * inverse
@@ -26,7 +26,10 @@ _REACH = 6.5
 
 
 def _bell(polynomial):
-    """Return a function of the Taylor coefficients (n, TERMS) of a polynomial times exp(-z²/2), z from the peak."""
+    """Return a function of z (n,) that gives the Taylor coefficients (n, TERMS) of p(y) exp(-y²/2) about it.
+
+    `polynomial` are the coefficients of p, the lowest power first, and y = z - `_REACH` is counted from the peak.
+    """
     factor = np.polynomial.Polynomial(polynomial)
     parts = [factor.deriv(k) / math.factorial(k) if k else factor for k in range(len(polynomial))]
 
@@ -155,14 +158,14 @@ class Pulse(TransientForcing):
         return self.amplitude * self._rate * self._wave[3]
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about times (n,)."""
+        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,)."""
         length, series, *_ = self._wave
         phase = self._rate * times
         on = (phase >= 0.0) & (phase < length * (1.0 - 1e-12))
         return np.where(on, self.amplitude, 0.0)[:, None] * series(phase) * self._rate ** np.arange(TERMS)
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the pulse with amplitude and frequency multiplied by factors."""
+        """Return the pulse with the amplitude multiplied by `strength` and the frequency by `rate`."""
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
 
     def __str__(self):
@@ -274,7 +277,7 @@ class Chirp(TransientForcing):
         return np.where(on, self.amplitude, 0.0)[:, None] * sine.T
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the sweep with amplitude and frequencies multiplied by factors."""
+        """Return the sweep with the amplitude multiplied by `strength` and frequencies by `rate`."""
         frequencies = self.start_frequency * rate, self.end_frequency * rate
         return type(self)(strength * self.amplitude, *frequencies, self.duration / rate)
 

@@ -145,7 +145,10 @@ class Record(TransientForcing):
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
-        """Read a record from its file, or from a table that holds its samples."""
+        """Read a record from its file, or from a TOML table (dict) that holds its samples.
+
+        `name` is the table's, for messages; the file's path is relative to a folder.
+        """
         if "file" not in table:
             return super().from_table(name, table, folder)
         keys = ("file", "units", "scale", "baseline", "corner_hz")
@@ -156,7 +159,7 @@ class Record(TransientForcing):
         return cls.from_file(path, **{key: value for key, value in table.items() if key != "file"})
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the record with accelerations multiplied by a factor, and times divided by one."""
+        """Return the record with accelerations multiplied by `strength`, and times divided by `rate`."""
         scale, interval, corner_hz = self.scale * strength, self.interval / rate, self.corner_hz * rate
         changed = dataclasses.replace(self, scale=scale, interval=interval, corner_hz=corner_hz)
         return changed if self._size is None else changed.for_size(self._size)
@@ -170,7 +173,7 @@ class Record(TransientForcing):
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
 
     def for_size(self, size: Size | None) -> Self:
-        """Return the record made nondimensional by the size of a block; None for one without dimensions is refused."""
+        """Return the record made nondimensional by the `Size` of a block, or refuse None, one without dimensions."""
         if size is None:
             raise _unsized()
         if size == self._size:
@@ -181,6 +184,7 @@ class Record(TransientForcing):
 
     @property
     def _bound_size(self) -> Size:
+        """Size of the block by which the record is nondimensional; ValueError where it has none."""
         if self._size is None:
             raise _unsized()
         return self._size
@@ -269,7 +273,7 @@ class Record(TransientForcing):
         return float(np.abs(np.diff(self.forces)).max()) / self.unit
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about times (n,)."""
+        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,)."""
         out, forces = np.zeros((len(times), TERMS)), self.forces
         place = np.floor(np.asarray(times) / self.unit + 1e-9).astype(np.int64)
         on = (place >= 0) & (place < len(forces) - 1)
@@ -284,7 +288,7 @@ class Record(TransientForcing):
 
 
 def check_baseline(name: str, value: str) -> str:
-    """Return the name of a correction in `BASELINES`, or refuse it."""
+    """Return `value`, the name of a correction in `BASELINES`, or refuse it; `name` is for the message."""
     if not isinstance(value, str) or value not in BASELINES:
         kind = ValueError if isinstance(value, str) else TypeError
         raise kind(checks.refusal(name, value, " or ".join(map(repr, BASELINES))))
@@ -292,7 +296,7 @@ def check_baseline(name: str, value: str) -> str:
 
 
 def _unit(text):
-    """Return the unit that a text means, or refuse it."""
+    """Return the unit in `UNITS` that a text means, or raise TypeError or ValueError."""
     if not isinstance(text, str):
         raise TypeError(checks.refusal("forcing.units", text, " or ".join(map(repr, UNITS))))
     units = unit_of(text)
@@ -307,7 +311,7 @@ def _unsized():
 
 
 def _samples(value):
-    """Return samples as a tuple of floats, or refuse them."""
+    """Return samples, of any sequence, as a tuple of floats, or raise TypeError or ValueError."""
     accepted = f"a list of 2 to {MOST} finite numbers"
     if isinstance(value, str | bytes):
         raise TypeError(checks.refusal("forcing.samples", value, accepted))

@@ -46,7 +46,7 @@ class TransientForcing(Forcing):
         return min(longest_of(self.shortest_period), 0.5)
 
     def spacing(self, longest: float) -> float:
-        """Largest spacing up to a longest one of a grid from 0 on whose intervals each see one polynomial piece."""
+        """Largest spacing up to `longest` of a grid from 0 on whose intervals each see one polynomial piece."""
         return self.unit / math.ceil(self.unit / longest - 1e-9)
 
     def pieces(self, instants: ArrayLike) -> Array:
@@ -78,7 +78,7 @@ class TransientForcing(Forcing):
         return particular_series(p, q, self.series(times))
 
     def particular_over(self, start: float, duration: float) -> Array:
-        """Coefficients (TERMS,) of P in the time since the start of a step.
+        """Coefficients (TERMS,) of P, in the time since its start, over a step of a duration.
 
         In a step with kinks the force is replaced by the linear one under which flights over the step are the same.
         """
@@ -94,7 +94,7 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def _grid(self) -> tuple[float, Array]:
-        """Spacing, and P and P' at the nodes (n + 1, 2) of a grid from 0 to the end."""
+        """Spacing of a grid of n intervals from 0 to the end, and P and P' (n + 1, 2) at its nodes."""
         spacing = self.spacing(min(0.2, self.longest_piece))
         count = round(self.duration / spacing)
         points, point_weights = gauss_legendre(12, -1.0, 1.0)
@@ -122,20 +122,23 @@ class TransientForcing(Forcing):
         return {}
 
     def values(self, times: ArrayLike) -> Array:
-        """Force f at times (n,), that after a jump where there is one."""
+        """Force f (n,) at nondimensional times (n,), that after a jump where there is one."""
         return self.series(np.asarray(times, dtype=float))[:, 0]
 
     def value(self, time: float) -> float:
-        """Force f at a time."""
+        """Force f at a nondimensional time, that after a jump where there is one."""
         return float(self.values([time])[0])
 
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force (count, 3) at the begin, the middle and the end of the intervals of a grid; a jump is between two."""
+        """Force (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from 0 on.
+
+        `spacing` is that of the grid, nondimensional; a jump lies between two intervals.
+        """
         parts = (spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
         return self.series(np.arange(count) * spacing) @ parts.T
 
     def slope(self, time: float) -> float:
-        """Slope of the force at a time."""
+        """Slope of the force at a nondimensional time."""
         return float(self.series(np.array([time]))[0, 1])
 
     @functools.cached_property
@@ -190,7 +193,7 @@ class TransientForcing(Forcing):
         return np.array(rises), np.array(falls)
 
     def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Time since |f| last rose through 1, and the slope of |f| there; (inf, 0) where it has not yet."""
+        """Time since |f| last rose through 1 before a time, and the slope of |f| there; (inf, 0) where it has not."""
         rises = self._lift_offs[0]
         before = rises[rises <= time + 1e-12 * self.duration]
         if not before.size:

@@ -21,5 +21,8 @@ TERMS = 16
 
 
 def lift_off(critical_angle: float) -> float:
-    """Return the largest |f| under which a block of this critical angle α at rest stays: tan(α)/α, or 1 for α = 0."""
+    """Return the largest |f|, nondimensional, under which a block at rest stays: tan(α)/α, or 1 for α = 0.
+
+    `critical_angle` is α, radians.
+    """
     return math.tan(critical_angle) / critical_angle if critical_angle > 0.0 else LIFT_OFF

@@ -14,28 +14,40 @@ from fpk_rocking.physics.motion import LIFT_OFF, lift_off
 
 
 def gravity_at_contact(critical_angle: float | None) -> float:
-    """Return -u'' at zero angle without a force: sin α/α, which is also the mean of cos φ from there to the saddle."""
+    """Return -u'' at zero angle without a force: sin α/α, which is also the mean of cos φ from there to the saddle.
+
+    `critical_angle` is α, radians.
+    """
     return math.sin(critical_angle) / critical_angle if critical_angle else 1.0
 
 
 def tilt_angle(angles: Array, critical_angle: float) -> Array:
-    """Angle φ (n, ...) between the vertical and the line from the corner to the centre of mass, radians."""
+    """Angle φ (n, ...), radians, between the vertical and the line from the corner to the centre of mass.
+
+    `angles` (n, ...) are x, nondimensional, and `critical_angle` is α, radians.
+    """
     return critical_angle * (1.0 - np.abs(angles))
 
 
 def force_factors(angles: Array, critical_angle: float) -> Array:
-    """Part of the base's acceleration that turns the block (n, ...): cos φ."""
+    """Part of the base's acceleration that turns the block, cos φ (n, ...), at angles x (n, ...), for α in radians."""
     return np.cos(tilt_angle(angles, critical_angle))
 
 
 def gravity_correction(angles: Array, sides: Array, critical_angle: float) -> Array:
-    """Gravity's part of the exact correction δ (n, ...) at angles on sides (+1, -1)."""
+    """Gravity's part of the exact correction δ (n, ...), nondimensional, at angles x (n, ...) and for α > 0 in radians.
+
+    `sides` (n, ...) are +1 or -1.
+    """
     phi = tilt_angle(angles, critical_angle)
     return -sides * (np.sin(phi) - phi) / critical_angle
 
 
 def largest_correction(force: float, critical_angle: float | None) -> float:
-    """Bound of the exact correction |δ| from zero angle to twice the critical one, under |f| up to a force."""
+    """Bound of the exact correction |δ| from zero angle to twice the critical one, nondimensional.
+
+    `force` is the largest |f|, nondimensional; `critical_angle` is α, radians.
+    """
     if not critical_angle:
         return 0.0
     return 1.0 - gravity_at_contact(critical_angle) + force * (1.0 - math.cos(critical_angle))
@@ -44,7 +56,8 @@ def largest_correction(force: float, critical_angle: float | None) -> float:
 def saddle_speed(force: float, critical_angle: float | None) -> float:
     """Speed at zero angle from which a block just reaches the saddle, under a constant force s f up to lift-off.
 
-    It is 1 - s f for a slender block, and 2 sin(α/2)/α without a force (the integral of u'' over the angle).
+    `force` is s f and `critical_angle` α, radians. It is 1 - s f for a slender block, and 2 sin(α/2)/α without a force
+    (the integral of u'' over the angle).
     """
     if not critical_angle:
         return max(1.0 - force, 0.0)

@@ -75,7 +75,7 @@ class FlightTables(NamedTuple):
 
 
 def flight_tables(span: float) -> FlightTables:
-    """Return the `FlightTables` of a duration."""
+    """Return the `FlightTables` of flights of the duration `span`, nondimensional."""
     points, weights = gauss_legendre(24, -1.0, 1.0)
     ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
     lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
@@ -88,7 +88,7 @@ def flight_tables(span: float) -> FlightTables:
 
 
 def _lagrange(j, places):
-    """Polynomial that is 1 at point j and 0 at the others, at places of [0, 1]."""
+    """Polynomial that is 1 at point j of `PLACES` and 0 at the others: values (n,) at `places` (n,) of [0, 1]."""
     others = np.delete(PLACES, j)
     return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
 
@@ -111,7 +111,7 @@ _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def lanes_times_table(m, a):
-    """Product of eight numbers, as a row, and a table (NODES, NODES)."""
+    """Product (`Lanes`) of eight numbers `a`, `Lanes`, as a row, and a table `m` (NODES, NODES)."""
     one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
     two = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
     three = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
@@ -120,10 +120,11 @@ def lanes_times_table(m, a):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _iterate(table, factor, base, own, near, force, square, alpha):
-    """Find the accelerations at the points of a flight from a guess `near` of u - 1 there.
+    """Find the accelerations at the points of a flight from a guess `near` of y = u - 1 there.
 
-    The angles u - 1 are `base` and `factor` times the integrals, by the `table`, of the accelerations, less the angles
-    if `own`. Return what is integrated, the angles, and whether the iteration has come to its end.
+    `base`, `near` and `force`, which is s f, are `Lanes` at the points; `square` is that of the duration, `alpha` α. y
+    is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of what is returned first: y'', less y
+    if `own`. Return that, y, `Lanes` each, and whether the iteration has come to its end.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -163,7 +164,10 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def fly_by_tables(u, w, force, tables, span, block):
-    """Carry a flight over the duration of tables; as `fly_collocated`."""
+    """Carry a flight over the duration `span` of `tables`, its `FlightTables`; return as `fly_collocated`.
+
+    `u`, `w` are the folded state at its begin, `force` is s f at the points, `Lanes`, and `block` an exact `Body`.
+    """
     alpha, y = block.critical_angle, u - 1.0
     cosh = load(tables.points, 0)
     base = cosh * y + load(tables.points, 1) * w
@@ -204,7 +208,10 @@ def fly_collocated(u, w, force, span, block, near):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _guess(u, w, begin, end, span):
-    """Guess of u - 1 at the points, for an acceleration linear in time, by the force at the first and last of them."""
+    """Guess of u - 1 at the points, `Lanes`, of a flight of duration `span`, for an acceleration linear in time.
+
+    `u`, `w` are the folded state at its begin; `begin` and `end` are s f at the first and the last point.
+    """
     y, slope, square, c = u - 1.0, span * w, span * span, load(_POINTS, 0)
     bend = 0.5 * square * (y + begin)
     twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
@@ -213,7 +220,10 @@ def _guess(u, w, begin, end, span):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _value(coefficients, terms, t):
-    """Value of a polynomial of an even number of coefficients at eight times; even and odd powers apart, for speed."""
+    """Values of a polynomial at eight times t, `Lanes`; even and odd powers apart, for speed.
+
+    `coefficients` are the first `terms` (even) of an array.
+    """
     square = t * t
     even, odd = square * 0.0 + coefficients[terms - 2], square * 0.0 + coefficients[terms - 1]
     for k in range(terms - 4, -1, -2):
@@ -223,7 +233,11 @@ def _value(coefficients, terms, t):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _expand(u, w, span, bend, scratch, angle):
-    """Write u as a polynomial in the time since the flight's middle, in halves of its duration."""
+    """Write to `angle` (TERMS,) the coefficients of u in the time since the flight's middle, in halves of its duration.
+
+    `u`, `w` are the folded state at the begin, `span` the duration, `bend` is u'' at the points, `Lanes`. Row 1 of
+    `scratch` (2, TERMS) is written to.
+    """
     half = 0.5 * span
     store(scratch, 1, (half * half) * (load(_POINTS, 3) * lanes_times_table(_MONOMIALS, bend)))
     low, rise = u, half * w
@@ -240,7 +254,10 @@ def _expand(u, w, span, bend, scratch, angle):
 
 @kernel(forceinline=True)
 def _without_begin(angle, quotient):
-    """Write the polynomial divided by the time since the flight's begin, where it is 0."""
+    """Write to `quotient` (TERMS,) that of a polynomial by the time since the flight's begin, t + 1.
+
+    `angle` (TERMS,) are its coefficients in t; it is 0 at the begin, t = -1.
+    """
     value = 0.0
     for k in range(TERMS - 1, 0, -1):
         value = angle[k] - value
@@ -250,7 +267,11 @@ def _without_begin(angle, quotient):
 
 @kernel(forceinline=True)
 def _leaves(u, w, angle, last, fall, block):
-    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9."""
+    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9.
+
+    `u`, `w` are the folded state at the begin, `angle` (TERMS,) is what `_expand` wrote, `last` the folded angle at the
+    end, `fall` half of the bound of -u'', and `block` a `Body`.
+    """
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
     bend, jerk, others, sign = 2.0 * angle[2] - 6.0 * angle[3], 6.0 * angle[3], 0.0, 1.0
@@ -262,7 +283,11 @@ def _leaves(u, w, angle, last, fall, block):
 
 @kernel(forceinline=True)
 def _hop(u, w, side, force, start, until, block):
-    """Time and speed of the next impact of a block that leaves x = 0 at a low speed; 0 where it may not return soon."""
+    """Duration of a low hop from x = 0 up to the next impact, and the folded velocity then; 0, 0 if it may be long.
+
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `block` is a `Body`. A hop
+    that takes more than half of the time up to `until` counts as long.
+    """
     if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
     (f, slope), alpha = value_and_slope(force, start), block.critical_angle
@@ -281,7 +306,10 @@ def _hop(u, w, side, force, start, until, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _flight(u, w, side, force, start, span, block):
-    """Carry a flight over a time from a start, under a force that is a polynomial; as `fly_collocated`."""
+    """Carry a flight over the time `span` from `start`; return as `fly_collocated`.
+
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a `Body`.
+    """
     push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
     near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
     return fly_collocated(u, w, push, span, block, near)
@@ -289,7 +317,11 @@ def _flight(u, w, side, force, start, span, block):
 
 @kernel(forceinline=True)
 def _event(u, w, last, angle, quotient, block):
-    """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time."""
+    """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time.
+
+    `u`, `w` are the folded state at the begin, `last` is the folded angle at the end, `angle` (TERMS,) is what
+    `_expand` wrote, `quotient` (TERMS,) is written to, and `block` is a `Body`. The place is from -1 to 1.
+    """
     fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
         sure = chord_excludes_event(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
@@ -306,7 +338,12 @@ def _event(u, w, last, angle, quotient, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _arrive(u, w, side, force, start, time, place, angle, block):
-    """Return time and folded velocity of the impact near a time of a flight, a place of its polynomial; or 0."""
+    """Return duration and folded velocity of a flight up to its impact near `time` since `start`; or zeros.
+
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `place` is `time` in the time
+    of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `Body`. Zeros say that the impact is not
+    within 1e-7 of `time`.
+    """
     places = load(_POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
@@ -319,7 +356,11 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
 
 @kernel(forceinline=True)
 def _land(side, speed, force, half, time, block, impacts, origin, slow):
-    """Return x, v, side and time after an impact of a folded velocity, or those of rest."""
+    """Return x, v, side and time after an impact at a time of an interval, or those of rest.
+
+    `side` is that before the impact, `speed` its folded velocity, `force` (TERMS,) are the coefficients of f for |t| up
+    to `half`, `block` is a `Body`; `impacts`, `origin` and `slow` are as of `advance_through_events`.
+    """
     if impacts is not None:
         record_impact(impacts, origin + time, side * speed)
     v, side = velocity_after_impact(side * speed, block.restitution), -side
@@ -392,7 +433,10 @@ def advance_from_flight(
 
 @kernel
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
-    """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`."""
+    """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`.
+
+    The arguments are those of `advance_from_flight` without the flight that is known there.
+    """
     nothing = load(_POINTS, 0)
     return advance_from_flight(
         force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow

@@ -32,12 +32,16 @@ class Body(NamedTuple):
 
 
 def block_of_scene(scene: Any) -> Body:
-    """Return the `Body` of a scene's block and overturning angle."""
+    """Return the `Body` of a scene's block and overturning angle; a critical angle of 0 becomes None."""
     return Body(scene.block.restitution, scene.overturning.angle, scene.block.critical_angle or None)
 
 
 def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) -> Callable[..., Any]:
-    """Return one function of two kernels, for slender and for exact blocks; its last argument is the `Body`."""
+    """Return one function of two kernels with the same arguments, of which the last is the `Body`.
+
+    It calls `slender` where the body's critical angle is None, else `exact`; in a compiled kernel the type decides
+    that.
+    """
 
     def either(*arguments):
         return (slender if arguments[-1].critical_angle is None else exact)(*arguments)
@@ -57,57 +61,60 @@ def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) ->
 
 @kernel(inline="always")
 def slender_acceleration(u, side, force, block):
-    """Folded acceleration u'' = u - 1 + s f."""
+    """Folded acceleration u'' = u - 1 + s f, at the folded angle u under the force f; `block` is not used."""
     return u - 1.0 + side * force
 
 
 @kernel(inline="always")
 def _exact_acceleration(u, side, force, block):
-    """Folded acceleration u'' = -sin φ/α + s f cos φ."""
+    """Folded acceleration u'' = -sin φ/α + s f cos φ of a `Body`, at the folded angle u under the force f."""
     phi = block.critical_angle * (1.0 - u)
     return side * force * math.cos(phi) - math.sin(phi) / block.critical_angle
 
 
 @kernel(inline="always")
 def _slender_force_factor(u, block):
-    """Factor of the force, and of noise, in u'': 1."""
+    """Factor of the force, and of noise, in u'': 1; neither argument is used."""
     return 1.0
 
 
 @kernel(inline="always")
 def _exact_force_factor(u, block):
-    """Factor of the force, and of noise, in u'': cos φ."""
+    """Factor of the force, and of noise, in u'' of a `Body` at the folded angle u: cos φ."""
     return math.cos(block.critical_angle * (1.0 - u))
 
 
 @kernel(inline="always")
 def _slender_acceleration_gradient(u, side, force, block):
-    """Change of u'' with u: 1."""
+    """Change of u'' with u: 1; no argument is used."""
     return 1.0
 
 
 @kernel(inline="always")
 def _exact_acceleration_gradient(u, side, force, block):
-    """Change of u'' with u: cos φ + s f α sin φ."""
+    """Change of u'' of a `Body` with u, at the folded angle u under the force f: cos φ + s f α sin φ."""
     phi = block.critical_angle * (1.0 - u)
     return math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
 
 
 @kernel(inline="always")
 def _slender_lift_off_level(block):
-    """Largest |f| under which a block at rest stays."""
+    """Largest |f| under which a slender block at rest stays; `block` is not used."""
     return LIFT_OFF
 
 
 @kernel(inline="always")
 def _exact_lift_off_level(block):
-    """Largest |f| under which a block at rest stays: tan(α)/α."""
+    """Largest |f| under which a `Body` at rest stays: tan(α)/α."""
     return math.tan(block.critical_angle) / block.critical_angle
 
 
 @kernel(inline="always")
 def slender_acceleration_bounds(side, low, high, block):
-    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off, under a force between two bounds."""
+    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `Body`.
+
+    `low` and `high` bound f.
+    """
     if side > 0:
         return 1.0 - low, block.cutoff - 1.0 + high
     return 1.0 + high, block.cutoff - 1.0 - low
@@ -115,7 +122,10 @@ def slender_acceleration_bounds(side, low, high, block):
 
 @kernel(inline="always")
 def _exact_acceleration_bounds(side, low, high, block):
-    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off, under a force between two bounds."""
+    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `Body`.
+
+    `low` and `high` bound f.
+    """
     alpha, over = block.critical_angle, block.critical_angle * (block.cutoff - 1.0)
     least = min(math.cos(alpha), math.cos(over))
     if side < 0:

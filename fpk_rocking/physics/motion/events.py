@@ -49,7 +49,7 @@ class ImpactRecord(NamedTuple):
 
 @kernel
 def record_impact(impacts, time, velocity):
-    """Add an impact's time and the velocity before it to an `ImpactRecord`."""
+    """Add an impact's time and the velocity before it to `impacts`, an `ImpactRecord`."""
     place = impacts.count[0]
     if place < impacts.time.size:
         impacts.time[place] = time
@@ -111,13 +111,16 @@ def next_event(x, v, side, segment, start, end, block):
 
 @kernel(inline="always")
 def can_lift_off(low, high, block):
-    """Whether a force between two bounds may lift a block off that is at rest."""
+    """Whether a force f between `low` and `high` may lift a `Body` off that is at rest."""
     return max(high, -low) >= lift_off_level(block)
 
 
 @kernel
 def chord_clearance(side, low, high, span, block):
-    """How far a flight may leave the chord between its ends below and above it: |u''| span^2 / 8 within bounds of f."""
+    """How far a flight may leave the chord between its ends below and above it: bounds of |u''| times span² / 8.
+
+    `low` and `high` bound f over the flight, `span` is its duration and `block` a `Body`.
+    """
     fall, rise = acceleration_bounds(side, low, high, block)
     sag = 0.125 * span * span
     return sag * max(rise, 0.0), sag * max(fall, 0.0)
@@ -125,14 +128,20 @@ def chord_clearance(side, low, high, span, block):
 
 @kernel
 def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
-    """Whether a flight between two folded angles surely keeps a distance from x = 0 and from the cut-off."""
+    """Whether a flight surely keeps the distance `margin` from x = 0 and from the cut-off.
+
+    `u` and `end` are the folded angles at its ends, `low` and `high` bound f, `span` is its duration, `block` a `Body`.
+    """
     below, above = chord_clearance(side, low, high, span, block)
     return min(u, end) - below > margin and max(u, end) + above < block.cutoff - margin
 
 
 @kernel(inline="always")
 def folded_angle_bounds(u, w, side, low, high, span, block):
-    """Least and greatest folded angle at the end of a time, from the state at its begin, of a flight without event."""
+    """Least and greatest folded angle after a time `span` of a flight without event.
+
+    `u`, `w` are the folded state at its begin, `low` and `high` bound f, and `block` is a `Body`.
+    """
     fall, rise = acceleration_bounds(side, low, high, block)
     half, straight = 0.5 * span * span, u + span * w
     return straight - half * max(fall, 0.0), straight + half * max(rise, 0.0)
@@ -140,11 +149,11 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 
 @kernel
 def lift_off_time(segment, start, end, block):
-    """First time in [start, end] at which a block at rest lifts off, and the side it goes to (0: none).
+    """First time in [start, end] at which a block at rest lifts off, and the side it goes to; `end` and 0 if it stays.
 
-    |f| must pass its level by more than a margin, a thousand times the rounding of f: the block then surely leaves, and
-    whoever asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot
-    dwindle to nothing.
+    Times count from the start of a `Segment`; `block` is a `Body`. |f| must pass its level by more than a margin, a
+    thousand times the rounding of f: the block then surely leaves, and whoever asks again at the same time gets the
+    same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
     level = lift_off_level(block)
@@ -164,9 +173,9 @@ def lift_off_time(segment, start, end, block):
 def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
-    `speed` is that just after the impact and `side` the side it leads to. Chatter is summed where it ends within `slow`
-    under a force that changes by less than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are
-    dropped.
+    `speed` is that just after the impact, `side` the side it leads to, `time` that of the impact since the start of a
+    `Segment`, and `block` a `Body`. Chatter is summed where it ends within `slow` under a force that changes by less
+    than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped.
     """
     force, slope = value_and_slope(segment.force, time)
     gap = lift_off_level(block) - abs(force)

@@ -30,7 +30,10 @@ dynamic_stiffness = kernel(inline="always")(particular.dynamic_stiffness)
 
 @kernel(forceinline=True)
 def exponential_parts(x, v, side, particular, t):
-    """Growing and decaying part of y = x - s - P, for a slender flight that is at (x, v) at a time."""
+    """Growing and decaying part at t of y = x - s - P, for a slender flight that is at (x, v) then.
+
+    `particular` (TERMS,) are the coefficients of P.
+    """
     p, q = value_and_slope(particular, t)
     y, z = x - side - p, v - q
     return 0.5 * (y + z), 0.5 * (y - z)
@@ -38,14 +41,17 @@ def exponential_parts(x, v, side, particular, t):
 
 @kernel(forceinline=True)
 def state_from_exponentials(grow, decay, side, particular, t):
-    """Angle and velocity of a slender flight at a time, from its parts there: the inverse of `exponential_parts`."""
+    """Angle and velocity of a slender flight at t: the inverse of `exponential_parts`.
+
+    `grow` and `decay` are its parts at t, and `particular` (TERMS,) are the coefficients of P.
+    """
     p, q = value_and_slope(particular, t)
     return side + p + grow + decay, q + grow - decay
 
 
 @kernel(inline="always")
 def folded_angle(side, p, grow, decay):
-    """Folded angle u of a slender flight, from P and its parts at one time."""
+    """Folded angle u of a slender flight at an instant, from P, `p`, and its growing and decaying part then."""
     return 1.0 + side * (p + grow + decay)
 
 
@@ -62,7 +68,10 @@ class SlenderFlight(NamedTuple):
 
 @kernel(forceinline=True)
 def _start_slender(x, v, side, segment, start, end, work, block):
-    """Return the `SlenderFlight` that is at (x, v) at `start`."""
+    """Return the `SlenderFlight` from (x, v) at `start` to `end`, times since the start of a `Segment`.
+
+    `block` is a `Body`; `work` is not used.
+    """
     p, q = value_and_slope(segment.particular, start)
     fall, rise = slender_acceleration_bounds(side, segment.force_low, segment.force_high, block)
     return SlenderFlight(start, end, fall, rise, 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q))
@@ -70,14 +79,17 @@ def _start_slender(x, v, side, segment, start, end, work, block):
 
 @kernel(forceinline=True)
 def _slender_state(flight, side, segment, t, work, block):
-    """Angle and velocity of a `SlenderFlight` at t."""
+    """Angle and velocity of a `SlenderFlight` at t since the start of a `Segment`; `work` and `block` are not used."""
     factor = math.exp(t - flight.begin)
     return state_from_exponentials(flight.grow * factor, flight.decay / factor, side, segment.particular, t)
 
 
 @kernel(forceinline=True)
 def _slender_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' surely stays >= 0 from t on, where the folded angle is u; -1 where u'' < 0 at t."""
+    """Time for which u'' of a `SlenderFlight` surely stays >= 0 from t on; -1 where u'' < 0 at t.
+
+    `u` is the folded angle at t, which counts from the start of a `Segment`; `block` is a `Body`; `work` is not used.
+    """
     force, jerk = value_and_slope(segment.force, t)
     rising = slender_acceleration(u, side, force, block)
     return least_closing_time(rising, side * jerk, segment.force_curvature) if rising >= 0.0 else -1.0
@@ -85,7 +97,10 @@ def _slender_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def slender_flight_end(x, v, side, segment, start, end, block):
-    """Angle and velocity at `end` of a flight that is at (x, v) at `start`."""
+    """Angle and velocity at `end` of a slender flight that is at (x, v) at `start`.
+
+    The times count from the start of a `Segment`; `block`, a `Body`, is not used.
+    """
     p, q = value_and_slope(segment.particular, start)
     factor = math.exp(end - start)
     grow, decay = 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
@@ -112,9 +127,10 @@ class ExactFlight(NamedTuple):
 
 @kernel
 def _expand(u, w, side, force, t, span, block, work):
-    """Write the series (4, TERMS) of u, sin φ, cos φ and s f about a time; return for how long that of u holds.
+    """Write to `work` (4, TERMS) the series of u, sin φ, cos φ and s f about t; return for how long that of u holds.
 
-    It ends where its terms are below rounding at the end of a span, for which it then holds.
+    `u`, `w` are the folded state at t, `force` (TERMS,) are the coefficients of f and `block` is a `Body`. The series
+    ends where its terms are below rounding at the end of `span`, for which it then holds.
     """
     angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
     move_origin(force, t, push)
@@ -149,7 +165,8 @@ def _expand(u, w, side, force, t, span, block, work):
 def _start_exact(x, v, side, segment, start, end, work, block):
     """Return the `ExactFlight` from (x, v) at `start`, which ends at `end`, or earlier where its series ceases to hold.
 
-    The series is written to `work`, of the shape `SERIES`; `start` and `end` count from the segment's start.
+    The series is written to `work`, of the shape `SERIES`; `start` and `end` count from the start of a `Segment`, and
+    `block` is a `Body`.
     """
     reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
@@ -166,14 +183,20 @@ def _start_exact(x, v, side, segment, start, end, work, block):
 
 @kernel
 def _exact_state(flight, side, segment, t, work, block):
-    """Angle and velocity at t of an `ExactFlight` whose series is in `work`."""
+    """Angle and velocity at t of an `ExactFlight` whose series is in `work` (4, TERMS).
+
+    `segment` and `block` are not used.
+    """
     u, w = value_and_slope(work[0], t - flight.begin)
     return side * u, side * w
 
 
 @kernel
 def _exact_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' surely stays >= 0 from t on, within the series; -1 where u'' < 0 at t."""
+    """Time for which u'' of an `ExactFlight` surely stays >= 0 from t on, within the series; -1 where u'' < 0 at t.
+
+    The flight's series is in `work` (4, TERMS); `u`, `segment` and `block` are not used.
+    """
     angle, since = work[0], t - flight.begin
     rising, jerk = 0.0, 0.0
     for k in range(TERMS - 1, 1, -1):
@@ -184,7 +207,10 @@ def _exact_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def _exact_flight_end(x, v, side, segment, start, end, block):
-    """Angle and velocity at `end` of a flight that is at (x, v) at `start`."""
+    """Angle and velocity at `end` of an exact flight that is at (x, v) at `start`.
+
+    The times count from the start of a `Segment`; `block` is a `Body`.
+    """
     work, t, u, w = _series(), start, side * x, side * v
     while t < end:
         reach = _expand(u, w, side, segment.force, t, end - t, block, work)
@@ -201,34 +227,43 @@ flight_end = dispatch_on_block(slender_flight_end, _exact_flight_end)
 
 @kernel
 def unstable_coordinate(u, w, side, particular, t):
-    """Coordinate z = u + w - 1 - s (P + P'): above 0 a slender flight without noise or impact escapes."""
+    """Coordinate z = u + w - 1 - s (P + P') at t: above 0 a slender flight without noise or impact escapes.
+
+    `u`, `w` are the folded state, and `particular` (TERMS,) are the coefficients of P.
+    """
     value, slope = value_and_slope(particular, t)
     return u + w - 1.0 - side * (value + slope)
 
 
 @kernel(inline="always")
 def homogeneous_flight(y, v, cosh, sinh):
-    """Carry y = x - s and v over a time with this cosh and sinh, for a slender block; the force adds to both."""
+    """Return `y` = x - s and `v` of a slender block after a time with this cosh and sinh, without the force's part."""
     return cosh * y + sinh * v, sinh * y + cosh * v
 
 
 @kernel(inline="always")
 def apply_affine(x, v, affine):
-    """Angle and velocity after a flight that is given as an affine map: its cosh, its sinh, and its shift (2,)."""
+    """Angle and velocity after a flight from (x, v).
+
+    `affine` is the flight as an affine map, a tuple of its cosh, its sinh, and its shift (2,).
+    """
     cosh, sinh, shift = affine
     return shift[0] + cosh * x + sinh * v, shift[1] + sinh * x + cosh * v
 
 
 @kernel(fastmath={"contract"})
 def runge_kutta_coefficients(h):
-    """Return what a step h of the classical method of order 4 has in place of cosh, sinh and cosh - 1."""
+    """Return what a step of the classical method of order 4 has in place of cosh h, sinh h and cosh h - 1.
+
+    `h` is the step, nondimensional.
+    """
     keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
     return keep, swap, h * h * (3.0 + 0.25 * h * h) / 6.0
 
 
 @kernel(fastmath={"contract"})
 def runge_kutta_forcing(begin, middle, end, h):
-    """Angle and velocity that a force of these values adds to a step h of that method."""
+    """Angle and velocity that a force adds to a step h of that method, by f at the step's begin, middle and end."""
     x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
     return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
 
@@ -261,7 +296,10 @@ def flight_covariance(diffusion, duration):
 
 @kernel
 def covariance_factor(diffusion, duration):
-    """Cholesky factor xx, vx, vv of the covariance of a flight of at most 0.1, to rounding (`flight_covariance`)."""
+    """Cholesky factor xx, vx, vv of the covariance of a flight, to rounding (`flight_covariance`).
+
+    `diffusion` is D and `duration`, at most 0.1, the flight time; both nondimensional.
+    """
     root, square = math.sqrt(diffusion * duration), duration * duration
     xx = 1.0 + square * (1.0 / 10.0 + square * (19.0 / 4200.0 + square * (29.0 / 378000.0)))
     vx = 1.0 + square * (7.0 / 30.0 + square * (209.0 / 12600.0 + square * (29.0 / 75600.0)))
@@ -274,18 +312,24 @@ def covariance_factor(diffusion, duration):
 
 
 def accumulated_covariance(weights: Array, left: Array) -> tuple[Array, Array, Array]:
-    """Covariance xx, xv, vv of noise of strengths `weights` (..., n), 2 D dt, at times `left` (n,) before the end."""
+    """Covariance xx, xv, vv, (...) each, that noise gathers in a slender flight.
+
+    `weights` (..., n) are its strengths 2 D dt, at times `left` (n,) before the flight's end.
+    """
     sinh, cosh = np.sinh(left), np.cosh(left)
     return weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
 
 
 def flight_shears(duration: float) -> tuple[float, float]:
-    """Shears (angle by velocity, velocity by angle) of which a flight is made: the first, the second, the first."""
+    """Shears (angle by velocity, velocity by angle) of which a flight of a duration is made: first, second, first."""
     return math.tanh(0.5 * duration), math.sinh(duration)
 
 
 def shear_diffusion_variances(diffusion: float, duration: float) -> tuple[float, float]:
-    """Variances by which velocity and angle (twice) diffuse between the three shears of a flight (docs/theory)."""
+    """Variances by which velocity and angle (twice) diffuse between the three shears of a flight (docs/theory).
+
+    `diffusion` is D and `duration` the flight time, nondimensional.
+    """
     shear, sinh = flight_shears(duration)
     if duration < 0.1:
         square = duration * duration

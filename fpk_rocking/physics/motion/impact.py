@@ -18,13 +18,16 @@ from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_fli
 
 @kernel(inline="always")
 def velocity_after_impact(velocity, restitution):
-    """Velocity just after an impact: the block passes through zero angle with the fraction e of its velocity."""
+    """Velocity just after an impact: the block passes through zero angle with the fraction e of its velocity.
+
+    `velocity` is that just before it, with its sign, and `restitution` is e.
+    """
     return restitution * velocity
 
 
 @kernel(inline="always")
 def velocity_jump(velocity, restitution):
-    """Change of the velocity at an impact: that after it less that before it."""
+    """Change of the velocity at an impact: that after it less that before it, `velocity`; `restitution` is e."""
     return (restitution - 1.0) * velocity
 
 
@@ -32,15 +35,16 @@ def velocity_jump(velocity, restitution):
 def impact_jump(pull, far_pull, speed, restitution):
     """Change of the velocity after an impact with the angle before it: the entry (v, x) of the saltation matrix.
 
-    The matrix is [[e, 0], [jump, e]], by the accelerations before and after the impact and the velocity before it: a
-    displaced path meets x = 0 earlier or later, and has the other side's acceleration meanwhile.
+    The matrix is [[e, 0], [jump, e]], by the accelerations `pull` before and `far_pull` after the impact and the
+    velocity `speed` before it: a displaced path meets x = 0 earlier or later, and has the other side's acceleration
+    meanwhile.
     """
     return (far_pull - restitution * pull) / speed
 
 
 @kernel
 def side_of_start(x, v):
-    """Side at a start: that of the angle, else of the velocity, else 0 for rest, which may end at once."""
+    """Side (1, -1 or 0) at a start: that of the angle, else of the velocity, else 0 for rest, which may end at once."""
     if x == 0.0:
         return 0 if v == 0.0 else (1 if v > 0.0 else -1)
     return 1 if x > 0.0 else -1
@@ -102,7 +106,11 @@ class LinearizedImpact(NamedTuple):
 
 @kernel
 def linearize_impact(speed, side, force, slope, block):
-    """Return the `LinearizedImpact` of a velocity before an impact, the side before it, the forcing and its slope."""
+    """Return the `LinearizedImpact` of a `Body`, all nondimensional.
+
+    `speed` is the velocity before the impact, with its sign, `side` that before it, `force` and `slope` are f and f'
+    then.
+    """
     return LinearizedImpact(
         speed, velocity_after_impact(speed, block.restitution),
         side * acceleration(0.0, side, force, block), -side * acceleration(0.0, -side, force, block),

@@ -14,12 +14,15 @@ from fpk_rocking.physics.motion import TERMS
 
 
 def dynamic_stiffness(frequency: float) -> float:
-    """Return 1 + ω²: a force of this frequency is that many times its P, with the other sign."""
+    """Return 1 + ω²: a force of the nondimensional frequency ω is that many times its P, with the other sign."""
     return 1.0 + frequency * frequency
 
 
 def particular_series(p: Number, q: Number, force: Array) -> Array:
-    """Taylor coefficients (n, TERMS) of P from P and P' at n instants, (n,) each, and those of f (n, TERMS)."""
+    """Taylor coefficients (n, TERMS) of P about n instants.
+
+    `p` and `q` (n,) are P and P' there, and `force` (n, TERMS) are the Taylor coefficients of f.
+    """
     out = np.empty((len(force), TERMS))
     out[:, 0], out[:, 1] = p, q
     for k in range(TERMS - 2):
@@ -28,7 +31,7 @@ def particular_series(p: Number, q: Number, force: Array) -> Array:
 
 
 def force_series(particular: Array) -> Array:
-    """Taylor coefficients (n, TERMS) of f = P'' - P from those of P."""
+    """Taylor coefficients (n, TERMS) of f = P'' - P from those of P, `particular` (n, TERMS)."""
     order = np.arange(1, TERMS - 1)
     out = -particular
     out[:, :-2] += order * (order + 1.0) * particular[:, 2:]
@@ -36,13 +39,19 @@ def force_series(particular: Array) -> Array:
 
 
 def particular_at(particular: Array, times: Array) -> tuple[Array, Array]:
-    """P and P' (n,) each at a time since the instant of their Taylor coefficients (n, TERMS)."""
+    """P and P', (n,) each, from Taylor coefficients `particular` (n, TERMS) about n instants.
+
+    `times` is the time since each of the instants, one number.
+    """
     order = np.arange(TERMS)
     return particular @ times**order, particular[:, 1:] @ (order[1:] * times ** order[:-1])
 
 
 def forced_response(p0: float, q0: float, p1: float, q1: float, duration: float) -> tuple[float, float]:
-    """Angle and velocity that a force adds to a flight, from P and P' at the flight's begin and end."""
+    """Angle and velocity that a force adds at the end of a slender flight of a duration, all nondimensional.
+
+    `p0`, `q0` are P and P' at the flight's begin, and `p1`, `q1` at its end; numbers, or arrays of one shape.
+    """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
 
@@ -61,7 +70,10 @@ class AffineFlights(NamedTuple):
 
 
 def affine_flights(p0: float, q0: float, p1: float, q1: float, duration: float) -> AffineFlights:
-    """Return the flights of both sides, from P and P' at their begin and end, as `AffineFlights`."""
+    """Return the `AffineFlights` of both sides over a duration, nondimensional.
+
+    `p0`, `q0` are P and P' at their begin, and `p1`, `q1` at their end.
+    """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     shifts = np.zeros((3, 2))
     for side in (1, -1):
@@ -70,7 +82,10 @@ def affine_flights(p0: float, q0: float, p1: float, q1: float, duration: float) 
 
 
 def linear_force_response(duration: float) -> Array:
-    """Angle and velocity (rows) that the forces 1 and t (columns), t since its begin, add to a flight."""
+    """Angle and velocity (rows) that the forces 1 and t (columns), t since its begin, add to a flight: an array (2, 2).
+
+    `duration` is that of the flight, nondimensional.
+    """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return np.array([[cosh - 1.0, sinh - duration], [sinh, cosh - 1.0]])
 
@@ -81,5 +96,5 @@ def cosh_sinh(duration: float) -> Array:
 
 
 def impulse_response(left: Array) -> Array:
-    """Angle and velocity, stacked, at the end of a flight, to an impulse at a time `left` before it."""
+    """Angle and velocity (2, ...) at the end of a slender flight, to a unit impulse at a time `left` (...) before."""
     return np.stack([np.sinh(left), np.cosh(left)])

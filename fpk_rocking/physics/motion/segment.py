@@ -30,7 +30,10 @@ class Segment(NamedTuple):
 
 @kernel
 def force_bounds_over(force, duration):
-    """Bounds of f below and above and of |f''| up to a time on both sides of 0, from its coefficients (TERMS,)."""
+    """Return bounds of f below and above, and a bound of |f''|, for times up to `duration` on both sides of 0.
+
+    `force` (TERMS,) are the coefficients of f.
+    """
     spread, curvature, power = 0.0, 0.0, 1.0
     for k in range(1, TERMS):
         if k >= 2:
@@ -42,7 +45,10 @@ def force_bounds_over(force, duration):
 
 @kernel
 def force_from_particular(particular, duration, force):
-    """Write the coefficients (TERMS,) of f = P'' - P from those of P; return its bounds, as `force_bounds_over`."""
+    """Write the coefficients of f = P'' - P to `force` (TERMS,); return its bounds, as `force_bounds_over` does.
+
+    `particular` (TERMS,) are the coefficients of P; the bounds hold for times up to `duration` on both sides of 0.
+    """
     for k in range(TERMS):
         force[k] = -particular[k]
         if k + 2 < TERMS:
@@ -52,7 +58,11 @@ def force_from_particular(particular, duration, force):
 
 @kernel
 def force_bounds(particular, duration, low, high):
-    """Write bounds (n,) of the forces of particular solutions (n, TERMS), up to a time on both sides of 0."""
+    """Write bounds of n forces below, to `low` (n,), and above, to `high` (n,).
+
+    `particular` (n, TERMS) are the coefficients of P of each; the bounds hold for times up to `duration` on both sides
+    of 0.
+    """
     scratch = np.empty(TERMS)
     for i in range(low.size):
         low[i], high[i], _ = force_from_particular(particular[i], duration, scratch)
@@ -60,22 +70,30 @@ def force_bounds(particular, duration, low, high):
 
 @kernel(inline="always")
 def segment_from_force(force, duration):
-    """Return the `Segment` of coefficients (TERMS,) of a force alone, for an exact block."""
+    """Return the `Segment` of a force alone, for an exact block.
+
+    `force` (TERMS,) are the coefficients of f; they stand in the place of P too, which an exact block does not use. The
+    bounds hold for times up to `duration` on both sides of 0.
+    """
     return Segment(force, force, *force_bounds_over(force, duration))
 
 
 @kernel(inline="always")
 def segment_from_particular(particular, force, duration):
-    """Return the `Segment` of a particular solution (TERMS,); `force` (TERMS,) is scratch that the segment keeps.
+    """Return the `Segment` of P, `particular` (TERMS,), with bounds of f for times up to `duration` on both sides of 0.
 
-    It hands on arrays, so it is made a part of every kernel that calls it: some count references, some borrow.
+    The coefficients of f are written to `force` (TERMS,), which the segment keeps. It hands on arrays, so it is made a
+    part of every kernel that calls it: some count references, some borrow.
     """
     return Segment(particular, force, *force_from_particular(particular, duration, force))
 
 
 @kernel
 def particular_from_rest(force, particular):
-    """Write P (TERMS,) of the force (TERMS,) that begins with zero angle and velocity."""
+    """Write to `particular` (TERMS,) the P with P = P' = 0 at the time 0, for a force.
+
+    `force` (TERMS,) are the coefficients of f.
+    """
     particular[0], particular[1] = 0.0, 0.0
     for k in range(TERMS - 2):
         particular[k + 2] = (particular[k] + force[k]) / ((k + 1) * (k + 2))
@@ -83,7 +101,7 @@ def particular_from_rest(force, particular):
 
 @kernel
 def move_origin(coefficients, t, out):
-    """Write the coefficients (TERMS,) of the same polynomial in the time since t."""
+    """Write to `out` (TERMS,) the coefficients, in the time since t, of the polynomial with `coefficients` (TERMS,)."""
     for k in range(TERMS):
         out[k] = coefficients[k]
     for k in range(TERMS - 1 if t != 0.0 else 0):
@@ -109,7 +127,10 @@ def value_and_slope(coefficients, t):
 
 @kernel
 def least_closing_time(gap, slope, curvature):
-    """Least time in which a gap >= 0 with this slope and a second derivative >= -curvature can close; or inf."""
+    """Least time in which a gap >= 0 can close, or inf; all nondimensional.
+
+    `slope` is the gap's derivative at the begin; `-curvature` bounds its second derivative from below.
+    """
     discriminant = slope * slope + 2.0 * curvature * gap
     if discriminant < 0.0:
         return math.inf
@@ -123,7 +144,11 @@ def least_closing_time(gap, slope, curvature):
 
 @kernel(fastmath={"contract", "reassoc"}, forceinline=True)
 def curvature_bounds(folded, bend):
-    """Half of the bounds of -u'' and u'' over the interval, at least 0."""
+    """Half of the bounds of -u'' and of u'' over an interval, at least 0.
+
+    `folded` (TERMS,) are the coefficients of u in the time since the middle, and `bend` (TERMS,) is, for k > 2,
+    k (k - 1) times the half of the interval's duration to the power k - 2, else 0.
+    """
     spread = 0.0
     for k in range(folded.size):
         spread += bend[k] * abs(folded[k])
@@ -132,7 +157,10 @@ def curvature_bounds(folded, bend):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def downward_root(q, half):
-    """Time in [-half, half] at which a polynomial q (TERMS,) falls through zero, and its slope; 0 if none is found."""
+    """Time in [-half, half] at which a polynomial falls through zero, and its slope there; 0, 0 if none is found.
+
+    `q` (TERMS,) are its coefficients.
+    """
     square = q[1] * q[1] - 4.0 * q[2] * q[0]
     if square <= 0.0:
         return 0.0, 0.0
@@ -160,9 +188,10 @@ def downward_root(q, half):
 
 @kernel(forceinline=True)
 def chord_excludes_event(u, end, square, rise, fall, cutoff):
-    """Whether a flight with these angles at its ends has no event between them: the parabolas over its chord tell.
+    """Whether a flight surely has no event between its ends: the parabolas over its chord tell.
 
-    `square` is that of the duration; `rise`, `fall` are half of the bounds of u'' and -u''.
+    `u` and `end` are the folded angles at its ends, `square` is that of its duration, `rise` and `fall` are half of the
+    bounds of u'' and -u'', and `cutoff` is the angle of overturning.
     """
     higher, lower = max(u, end), min(u, end)
     return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff

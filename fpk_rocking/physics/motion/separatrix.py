@@ -94,7 +94,7 @@ def white_gain(critical_angle: float) -> float:
 
 
 def _scales(critical_angle):
-    """Return (4/α) tan(α/4) and tan(α/4)."""
+    """Return (4/α) tan(α/4) and tan(α/4) of a critical angle α in radians, 1 and 0 for α = 0."""
     alpha = checked(critical_angle)
     ratio = math.tan(0.25 * alpha)
     return (4.0 * ratio / alpha if alpha > 0.0 else 1.0), ratio

@@ -45,7 +45,7 @@ class Interval(NamedTuple):
 
 
 def interval_tables(half: float) -> tuple[Array, Array]:
-    """Return `exponentials` and `bend` of an `Interval`."""
+    """Return `exponentials` (2, TERMS) and `bend` (TERMS,) of an `Interval` by `half`, the half of its duration."""
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])
     bend = np.where(order > 2, order * (order - 1.0) * half ** np.maximum(order - 2.0, 0.0), 0.0)
@@ -54,7 +54,10 @@ def interval_tables(half: float) -> tuple[Array, Array]:
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _fold(interval, grow, decay, sign):
-    """Write the angle u = s x of a flight as a polynomial."""
+    """Write the coefficients of the angle u = s x of a flight to `interval.folded` (TERMS,) of an `Interval`.
+
+    `grow` and `decay` are the flight's exponentials at the interval's middle, and `sign` is s as a float.
+    """
     particular, folded, exponentials = interval.particular, interval.folded, interval.exponentials
     grow, decay = sign * grow, sign * decay
     for k in range(particular.size):
@@ -66,7 +69,9 @@ def _fold(interval, grow, decay, sign):
 def _through_events(particular, scratch, half, x, v, side, begin, end, block, impacts, origin):
     """As `advance_through_events`, from `begin` to `end`; times, up to `half` in size, count from the middle.
 
-    `particular` (TERMS,) is P there, `scratch` (TERMS,) is written to, `origin` is the time of the middle.
+    `particular` (TERMS,) is P there, `scratch` (TERMS,) is written to, `block` is a `Body`, `impacts` an `ImpactRecord`
+    or None, `origin` the time of the middle. Return x, v, side and the time, which is `end` unless the block
+    overturned.
     """
     segment = borrowed(segment_from_particular(particular, scratch, half))
     return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
@@ -74,7 +79,10 @@ def _through_events(particular, scratch, half, x, v, side, begin, end, block, im
 
 @kernel
 def state_at_begin(particular, half, grow, decay, side):
-    """Angle and velocity at the interval's begin."""
+    """Angle and velocity at the interval's begin, at -half, or zeros at rest.
+
+    `particular` (TERMS,) is P; `grow` and `decay` are the flight's exponentials at the begin.
+    """
     if side == 0:
         return 0.0, 0.0
     return state_from_exponentials(grow, decay, side, particular, -half)
@@ -147,7 +155,10 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
 
 @kernel(forceinline=True)
 def state_in_interval(interval, grow, decay, side, time, block, impacts):
-    """Angle and velocity at a time in the interval, nan if overturned; arguments as for `cross_interval`."""
+    """Angle and velocity at a time in the interval, counted from its middle; nan if overturned by then.
+
+    Arguments are as for `cross_interval`; the impacts are recorded at times counted from the middle too.
+    """
     x, v = state_at_begin(interval.particular, interval.half, grow, decay, side)
     begin = -interval.half
     x, v, _, _ = _through_events(

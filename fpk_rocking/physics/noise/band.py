@@ -66,7 +66,7 @@ class Realization(NamedTuple):
 
 @kernel
 def allocate_realization(count, half):
-    """Make room for `count` harmonics sampled in chunks of 2 * half + 1; the realization is still to be written."""
+    """Return a `Realization` of zeros with room for `count` harmonics sampled in chunks of 2 * half + 1."""
     padded = (count + _LANES - 1) // _LANES * _LANES
     rows = (half + 3) // 4 * 4
     return Realization(
@@ -84,7 +84,11 @@ def allocate_realization(count, half):
 
 @kernel
 def phase_in_turns(ratio, phase, cycle, fraction):
-    """Phase of a harmonic in turns, less whole turns of full cycles; exact to rounding for ratio * cycle < 5e8."""
+    """Phase in turns at a time of `cycle` full cycles and a fraction, less whole turns of the full cycles.
+
+    `ratio` is the harmonic's frequency in turns per cycle and `phase` its phase at the time 0, in turns. It is exact to
+    rounding for ratio * cycle < 5e8.
+    """
     coarse = math.floor(ratio * 2.0**24) / 2.0**24
     turns = coarse * cycle
     return (turns - math.floor(turns)) + (ratio - coarse) * cycle + ratio * fraction + phase
@@ -107,7 +111,10 @@ def cos_sin_of_turns(angle):
 
 @kernel(fastmath={"contract"})
 def write_sample_rotations(harmonics, half, spacing):
-    """Write the rotations `even`, `odd` to `half` samples beside a centre, `spacing` cycles apart."""
+    """Write `even`, `odd` of a `Realization`: the rotations to `half` samples beside a centre.
+
+    `spacing` is that of the samples, in cycles.
+    """
     ratios, even, odd = harmonics.ratios, harmonics.even, harmonics.odd
     write_rotation(ratios, spacing, even[0], odd[0])
     for j in range(1, half):
@@ -118,7 +125,10 @@ def write_sample_rotations(harmonics, half, spacing):
 
 @kernel(fastmath={"contract"})
 def write_rotation(ratios, cycles, cosines, sines):
-    """Write the rotations of the harmonics over a time given in cycles, as for `hop` and `wrap`."""
+    """Write to `cosines` and `sines` (M,) the rotations of harmonics over a time, as for `hop` and `wrap`.
+
+    `ratios` (M,) are turns per cycle, and the time is given in `cycles`.
+    """
     for n in range(ratios.size):
         c, s = cos_sin_of_turns(ratios[n] * cycles)
         cosines[n] = c
@@ -127,7 +137,10 @@ def write_rotation(ratios, cycles, cosines, sines):
 
 @kernel(fastmath={"contract"})
 def set_centre(harmonics, cycle, fraction):
-    """Put the centre at a time given in cycles, directly."""
+    """Put the centre of a `Realization` at a time of `cycle` full cycles and a fraction, directly.
+
+    Its `cosines` and `sines` are written.
+    """
     for n in range(harmonics.ratios.size):
         c, s = cos_sin_of_turns(phase_in_turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction))
         harmonics.cosines[n] = harmonics.weights[n] * c
@@ -136,7 +149,10 @@ def set_centre(harmonics, cycle, fraction):
 
 @kernel(fastmath={"contract"})
 def rotate_centre(harmonics, rotation):
-    """Move the centre on by a rotation (2, M): `hop` or `wrap`."""
+    """Move the centre of a `Realization` on by a rotation (2, M), its `hop` or `wrap`.
+
+    Its `cosines` and `sines` are written.
+    """
     for n in range(harmonics.ratios.size):
         c, s = harmonics.cosines[n], harmonics.sines[n]
         harmonics.cosines[n] = c * rotation[0, n] - s * rotation[1, n]
@@ -145,7 +161,7 @@ def rotate_centre(harmonics, rotation):
 
 @kernel(fastmath={"contract", "reassoc"})
 def add_samples(harmonics, half, out):
-    """Add the noise at the centre and at `half` samples on each side of it to `out` (2 * half + 1,).
+    """Add the noise of a `Realization` at its centre and at `half` samples on each side to `out` (2 * half + 1,).
 
     The centre is sample `half`. Four offsets at a time share the loads of the centre's harmonics.
     """
@@ -175,7 +191,10 @@ def add_samples(harmonics, half, out):
 
 @kernel(inline="always")
 def _pair(out, half, offset, even, odd):
-    """Add sums of cosines and sines to the samples at an offset on both sides of the centre."""
+    """Add the sums over harmonics of cosines and sines to the two samples at an offset from the centre.
+
+    `even` and `odd` are these sums; `out` (2 * half + 1,) is added to, where the offset is at most `half`.
+    """
     if offset <= half:
         out[half + offset] += even - odd
         out[half - offset] += even + odd
@@ -212,7 +231,7 @@ def _window_pieces():
 
 
 def _bessel(square):
-    """Evaluate I0(_SHAPE sqrt(square)) by its power series, all terms of which are positive."""
+    """Evaluate I0(_SHAPE sqrt(square)) at `square` (...) by its power series, all terms of which are positive."""
     square = np.asarray(square, np.longdouble) * np.longdouble(0.5 * _SHAPE) ** 2
     term = total = np.ones_like(square)
     for k in range(1, 120):
@@ -223,9 +242,9 @@ def _bessel(square):
 
 @functools.cache
 def window_compensation() -> Array:
-    """Return coefficients of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1.
+    """Return coefficients (_ORDER,) of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1.
 
-    Not to be written to.
+    b is a frequency and d the spacing. Not to be written to.
     """
     nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
     argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
@@ -235,7 +254,10 @@ def window_compensation() -> Array:
 
 @kernel(inline="always")
 def evaluate_compensation(coefficients, ratio):
-    """Evaluate `window_compensation` at frequency * spacing * OVERSAMPLING / pi."""
+    """Value of the polynomial of `window_compensation`, with its coefficients.
+
+    `ratio` is frequency * spacing * OVERSAMPLING / pi, from 0 to 1.
+    """
     square = 2.0 * ratio * ratio - 1.0
     value = coefficients[_ORDER - 1]
     for k in range(_ORDER - 2, -1, -1):

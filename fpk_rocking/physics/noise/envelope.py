@@ -18,14 +18,14 @@ class Envelope(abc.ABC):
 
     @abc.abstractmethod
     def value(self, times: Array) -> Array:
-        """Return g at times (n,)."""
+        """Return g (n,) at nondimensional times (n,)."""
 
     @abc.abstractmethod
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² from 0 to times (n,)."""
+        """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
 
     def shifted(self, time: float) -> "Envelope":
-        """Return the envelope whose times count from a time on."""
+        """Return the envelope whose times count from a nondimensional time on."""
         return _Shifted(self, time)
 
 
@@ -45,9 +45,11 @@ class _Shifted(Envelope):
     origin: float
 
     def value(self, times: Array) -> Array:
+        """Return g (n,) at times (n,) since the origin."""
         return self.envelope.value(times + self.origin)
 
     def squared_integral(self, times: Array) -> Array:
+        """Return the integral of g² (n,) up to times (n,) since the origin, from the time 0 of the envelope on."""
         return self.envelope.squared_integral(times + self.origin)
 
 
@@ -62,7 +64,7 @@ class _Linear(Envelope):
         """Times and values between which it is linear."""
 
     def value(self, times: Array) -> Array:
-        """Return g at times (n,)."""
+        """Return g (n,) at nondimensional times (n,)."""
         return np.interp(times, *self.corners)
 
     @property
@@ -71,7 +73,10 @@ class _Linear(Envelope):
         return self.corners[0]
 
     def series(self, times: Array, terms: int) -> Array:
-        """Return Taylor coefficients (n, terms) of g about times (n,), none of which is a kink."""
+        """Return Taylor coefficients (n, terms) of g about nondimensional times (n,), none of which is a kink.
+
+        `terms` is their number, at least 2.
+        """
         places, values = self.corners
         slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
         out = np.zeros((len(times), terms))
@@ -79,7 +84,7 @@ class _Linear(Envelope):
         return out
 
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² from 0 to times (n,)."""
+        """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
         places, values = self.corners
         inside = np.diff(places) * (values[1:] ** 2 + values[1:] * values[:-1] + values[:-1] ** 2) / 3.0
         before = np.concatenate([[values[0] ** 2 * places[0]], inside]).cumsum()
@@ -119,14 +124,14 @@ class Trapezoid(_Linear):
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
-        """Times and values between which it is linear."""
+        """Times and values, (4,) each, between which it is linear."""
         # A jump takes no time, but no two corners may be at one.
         least = 1e-9 * (self.rise + self.hold + self.decay)
         times = np.cumsum([0.0, max(self.rise, least), max(self.hold, least), max(self.decay, least)])
         return times, np.array([0.0, 1.0, 1.0, 0.0])
 
     def faster(self, factor: float) -> Self:
-        """Return the envelope with all times divided by a factor."""
+        """Return the envelope with all times divided by a factor, above 0."""
         return type(self)(self.rise / factor, self.hold / factor, self.decay / factor)
 
     def __str__(self):
@@ -168,11 +173,11 @@ class Table(_Linear):
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
-        """Times and values between which it is linear."""
+        """Times and values, (n,) each, between which it is linear."""
         return np.array(self.times), np.array(self.values)
 
     def faster(self, factor: float) -> Self:
-        """Return the envelope with all times divided by a factor."""
+        """Return the envelope with all times divided by a factor, above 0."""
         return type(self)(tuple(time / factor for time in self.times), self.values)
 
     def __str__(self):
@@ -209,12 +214,12 @@ class Exponential(Envelope):
         return 0.02 * self.peak
 
     def value(self, times: Array) -> Array:
-        """Return g at times (n,)."""
+        """Return g (n,) at nondimensional times (n,)."""
         part = np.asarray(times) / self.peak
         return part * np.exp(1.0 - part)
 
     def series(self, times: Array, terms: int) -> Array:
-        """Return Taylor coefficients (n, terms) of g about times (n,)."""
+        """Return Taylor coefficients (n, terms) of g about nondimensional times (n,); `terms` is their number."""
         # g^(k) = (-1)^k (u - k) exp(1 - u) / t^k with u = τ/t.
         order = np.arange(terms)
         inverse = np.array([1.0 / math.factorial(k) for k in order]) * (-1.0 / self.peak) ** order
@@ -222,12 +227,12 @@ class Exponential(Envelope):
         return (part - order) * np.exp(1.0 - part) * inverse
 
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² from 0 to times (n,)."""
+        """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
         part = np.asarray(times) / self.peak
         return math.e**2 * self.peak * (0.25 - np.exp(-2.0 * part) * (0.5 * part * (part + 1.0) + 0.25))
 
     def faster(self, factor: float) -> Self:
-        """Return the envelope with all times divided by a factor."""
+        """Return the envelope with all times divided by a factor, above 0."""
         return type(self)(self.peak / factor)
 
     def __str__(self):
@@ -239,7 +244,7 @@ ENVELOPES = {cls.kind: cls for cls in (Trapezoid, Exponential, Table)}
 
 
 def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
-    """Return the mean of g² (n,) in intervals with the edges (n + 1,); ones for no envelope.
+    """Return the mean of g² (n,) in intervals with the edges (n + 1,), nondimensional; ones for no envelope, None.
 
     Means below 1e-4, where g is below .01, are 0: white noise then counts as none, so that a block can rest.
     """
@@ -250,7 +255,7 @@ def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
 
 
 def refuse_envelope(noise: Enveloped, what: str) -> None:
-    """Refuse a noise with an envelope, where something is not defined for it."""
+    """Raise ValueError for a noise with an envelope; `what` names the computation that is not defined for it."""
     if noise.envelope is not None:
         accepted = f"no envelope, as {what} is only defined for stationary noise"
         raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))

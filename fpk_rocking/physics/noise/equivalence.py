@@ -215,7 +215,7 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
 
 
 def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
-    """Weights and frequencies of a quadrature for means over a band.
+    """Weights (32,) of sum 1 and frequencies (32,) of a quadrature for means over the band of a noise.
 
     Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric polynomials (a constant is
     not).

@@ -118,7 +118,7 @@ class LinearFilter(Filter):
 
     @property
     def _matrices(self):
-        """Drift, input and output as arrays."""
+        """Drift (n, n), input (n,) and output (n,) as arrays."""
         return np.array(self.drift), np.array(self.input), np.array(self.output)
 
     @property
@@ -182,7 +182,7 @@ class CloughPenzien(Filter):
         return StateSpace.stationary(np.array(drift), np.array([0.0, 1.0, 0.0, 0.0]), acceleration)
 
     def faster(self, factor: float) -> "CloughPenzien":
-        """Return the filter with all its rates multiplied by a factor."""
+        """Return the filter with all its rates multiplied by a factor, above 0."""
         return dataclasses.replace(self, frequency=factor * self.frequency, low_frequency=factor * self.low_frequency)
 
     def __str__(self):
@@ -201,18 +201,18 @@ class _NamedFilter(NamedTuple):
 
 
 def _exponential(omega, _):
-    """Return the state space of η."""
+    """Return the `StateSpace` of η for the frequency `omega`; an exponential filter has no damping."""
     return StateSpace(np.array([[-omega]]), np.array([math.sqrt(2.0 * omega)]), np.ones(1), np.eye(1))
 
 
 def _low_pass(omega, zeta):
-    """Return the state space of η and η'/ω."""
+    """Return the `StateSpace` of η and η'/ω for the frequency `omega` and the damping ratio `zeta`."""
     drift = omega * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
     return StateSpace(drift, np.array([0.0, 2.0 * math.sqrt(zeta * omega)]), np.array([1.0, 0.0]), np.eye(2))
 
 
 def _kanai_tajimi(omega, zeta):
-    """Return the state space of g and g'/ω."""
+    """Return the `StateSpace` of g and g'/ω for the frequency `omega` and the damping ratio `zeta`."""
     output = np.array([1.0, 2.0 * zeta]) / math.hypot(1.0, 2.0 * zeta)
     return _low_pass(omega, zeta)._replace(output=output)
 

@@ -15,13 +15,13 @@ from fpk_rocking.physics.noise.state_space import StateSpace
 
 
 def _check_envelope(envelope):
-    """Raise TypeError for a value that is neither an envelope nor None."""
+    """Raise TypeError for a value that is neither an envelope, a class of `ENVELOPES`, nor None."""
     if envelope is not None:
         checks.instance("noise.envelope", envelope, *ENVELOPES.values())
 
 
 def _scaled(noise, rate, **changed):
-    """Return a noise with some values changed, and the times of its envelope divided by a rate."""
+    """Return a noise with the fields in `changed` replaced, and the times of its envelope divided by a rate."""
     if noise.envelope is not None:
         changed["envelope"] = noise.envelope.faster(rate)
     return dataclasses.replace(noise, **changed)
@@ -72,7 +72,7 @@ class BandNoise:
         checks.keep(self, remark=checks.sentence("noise.remark", self.remark))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations and frequencies multiplied by factors."""
+        """Return the noise with accelerations multiplied by `strength` and frequencies by `rate`."""
         band = tuple(rate * frequency for frequency in self.band)
         return _scaled(self, rate, variance=self.variance * strength**2, band=band)
 
@@ -107,7 +107,7 @@ class WhiteNoise:
         _check_envelope(self.envelope)
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations and frequencies multiplied by factors."""
+        """Return the noise with accelerations multiplied by `strength` and frequencies by `rate`."""
         # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
         return _scaled(self, rate, diffusion=self.diffusion * strength**2 / rate)
 
@@ -182,7 +182,7 @@ class FilteredNoise:
         return FILTERS[self.filter].space(not_none(self.frequency), self.damping)
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations and frequencies multiplied by factors."""
+        """Return the noise with accelerations multiplied by `strength` and frequencies by `rate`."""
         variance = self.variance * strength**2
         if isinstance(self.filter, Filter):
             return _scaled(self, rate, variance=variance, filter=self.filter.faster(rate))

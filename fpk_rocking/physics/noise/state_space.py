@@ -246,7 +246,10 @@ def _triangular(factor):
 
 
 def _squared(polynomial):
-    """Return p(iω) p(-iω) of a real polynomial p, as a polynomial of ω²; the highest power comes first."""
+    """Return p(iω) p(-iω) of a real polynomial p of degree n, as a polynomial (n + 1,) of ω².
+
+    `polynomial` (n + 1,) are the coefficients of p; the highest power comes first in both.
+    """
     signs = (-1.0) ** np.arange(len(polynomial))[::-1]
     squares = np.convolve(polynomial, polynomial * signs)[::2]
     return squares * (-1.0) ** np.arange(len(squares))[::-1]
