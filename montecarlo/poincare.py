@@ -226,7 +226,7 @@ def _mean(angle, velocity, side, cutoff, overturned):
     """Mean (2,) of states, some of them overturned, its standard error (2,), and how many it is over.
 
     `angle`, `velocity` (n,) are nan where `side` (n,) is that of overturning. `overturned`: "clamped", which counts
-    these at the cut-off with velocity 0, or "left out".
+    these at the cut-off with velocity 0, or "left out". `cutoff` is the angle of overturning.
     """
     states, over = np.stack([angle, velocity]), np.isnan(angle)
     if overturned == "left out":
@@ -244,7 +244,10 @@ def _mean(angle, velocity, side, cutoff, overturned):
 
 
 def _mean_map(rows, cutoff, deterministic):
-    """Return the `MeanMap` of rows of `_mean`, one a cycle; `deterministic` paths have no standard error."""
+    """Return the `MeanMap` of rows of `_mean`, one a cycle; `deterministic` paths have no standard error.
+
+    `cutoff` is the angle of overturning.
+    """
     points, errors, counted = map(np.array, zip(*rows, strict=True))
     if deterministic:
         errors[counted > 0] = 0.0

@@ -64,7 +64,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     """Return a function of time, 0 to `end`: the Gaussian of an exact block in a flight in which nothing happens.
 
     `gaussian` is that at time 0. Its moments obey ordinary differential equations of first order in its spread, which
-    are integrated as far as asked.
+    are integrated as far as asked. `dynamics` are those of the scene, with its noise.
     """
     from scipy.integrate import DOP853  # takes longer to import than all else here
 

@@ -132,7 +132,7 @@ def follow(states, sides, segment, block, noise):
     """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
 
     `states` (paths, 2): angle and velocity; `sides` (paths,): ±1, or an `Exit` (-2, -3) for a path that has overturned
-    and stays where it is; `noise`: a `Noise` with one node for each path.
+    and stays where it is; `noise`: a `Noise` with one node for each path. `segment` is the forcing over the step.
     """
     states, segment, noise = borrowed((states, segment, noise))
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)

@@ -281,7 +281,8 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
 def _level_of(propagator, solution, edges, seconds=0.0):
     """Return the `Level` of a `Solution`: survival and both sides, and binned densities in which rest is one bin.
 
-    `edges` are a pair of arrays, of the bins in angle and velocity; `seconds` is what the solution took.
+    `edges` are a pair of arrays, of the bins in angle and velocity; `seconds` is what the solution took. `propagator`
+    is the `Propagator` that the solution is from.
     """
     space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
     bins = space.bin_integrals(densities, *edges)

@@ -94,7 +94,10 @@ def divide_by_window(harmonics, parameters):
 
 @kernel(inline="always")
 def write_first_samples(samples, cycle, parameters):
-    """Write to `Samples` those of the noise for the first CHUNK intervals from a `cycle` on."""
+    """Write to `Samples` those of the noise for the first CHUNK intervals from a `cycle` on.
+
+    Of `Parameters` the grid is read.
+    """
     harmonics, spacing = samples.harmonics, parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing)
     band.write_sample_rotations(harmonics, HALF, spacing)
     band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
@@ -108,7 +111,8 @@ def write_first_samples(samples, cycle, parameters):
 def write_next_samples(samples, number, cycle, parameters):
     """Write to `Samples` those for CHUNK intervals from a number on, if the last ones are used up.
 
-    Returns whether so. `number` counts intervals from the begin of the run at `cycle`.
+    Returns whether so. `number` counts intervals from the begin of the run at `cycle`. Of `Parameters` the grid is
+    read.
     """
     used_up = number % CHUNK == 0 and number > 0
     if used_up:

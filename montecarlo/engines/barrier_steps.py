@@ -50,7 +50,7 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
     They are those right after the impact, if there is one. It lies on the parabola through the drawn state; where that
     has none within the step from `start`, the motion since the impact is the drawn one scaled by the restitution. Times
     count from the begin of the `Segment`, at `origin` since τ = 0; `latest` is the latest for an impact: `end`, or that
-    of a step that was to end with it. `impacts` records it, unless None.
+    of a step that was to end with it. `impacts` records it, unless None. `parameters`: those of the engine `white`.
     """
     restitution = parameters.block.restitution
     pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
@@ -114,7 +114,8 @@ def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, 
     """Take one step near a barrier in interval j, from `start` up to `limit`; return u, w, side, time reached.
 
     u >= cutoff means overturned. Times count from the begin of the interval, whose `Segment` is the forcing's and which
-    is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None.
+    is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None. `stream` (4,) gives the random numbers;
+    `parameters`: those of the engine `white`.
     """
     block, left, diffusion, reach = parameters.block, limit - start, parameters.diffusion[j], parameters.reach[j]
     cutoff = block.cutoff

@@ -53,7 +53,8 @@ def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, prog
     """Return the `Run` of parameters that are those of `montecarlo.simulate`.
 
     `realizations` may be None for a deterministic scene. Raises TypeError or ValueError for a wrong one, `progress`
-    too, which is not part of a run.
+    too, which is not part of a run. `method` is a name or None, `times` (rows,) or None where there are `cycles`;
+    `seed` and `steps_per_cycle` are integers.
     """
     checks.instance("scene", scene, Scene)
     limits.check(scene)

@@ -29,7 +29,10 @@ def _mean_negative_part(ratio):
 
 @kernel
 def _draw_beyond(stream, ratio):
-    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0."""
+    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0.
+
+    `stream` (4,) gives the random numbers.
+    """
     while True:
         if ratio < 1.0:
             y = math.sqrt(-2.0 * math.log(1.0 - uniform(stream)))
@@ -105,7 +108,8 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     for a linear one. `time` is that of the impact that it leaves; like `until` and the one returned it counts from the
     interval's begin, at `origin` since τ = 0. The linear pull is that with the impulse and the first moment of the
     forcing, a cubic through its values and slopes at the begin and at the middle of the flight, less the mean of the
-    angle. `impacts` is an `ImpactRecord` or None.
+    angle. `impacts` is an `ImpactRecord` or None. `stream` (4,) gives the random numbers; `parameters`: those of the
+    engine `white`.
     """
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, block)

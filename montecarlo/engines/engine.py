@@ -169,7 +169,7 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
     `stream` (4,) uint64 is its random numbers; `cycle` the one at which the run begins; `angle`, `velocity` (periods *
     rows + 1,) are filled up to overturning. `impacts` records its impacts, and `unkept`, a record without room, those
     on the way to a state within an interval: a record of another type would have all functions of the engine compiled
-    twice.
+    twice. `parameters` and `workspace` are the engine's own tuples, see `Engine`.
     """
     intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)

@@ -104,7 +104,8 @@ def _begin_closed(stream, cycle, parameters, workspace):
 def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
     """Write to the `Workspace` the samples for the CHUNK intervals from a number on, where others are used up.
 
-    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used.
+    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used. `parameters`,
+    `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     if write_next_samples(workspace.samples, number, cycle, parameters):
         _write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
@@ -125,6 +126,7 @@ def _try_closed(state, side, number, j, parameters, workspace):
     """Whether interval j, the run's `number`, surely has no event, and the state at its end if so.
 
     A state is the growing and the decaying exponential and the folded angle; the noise is in the `Workspace`.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     factor, (grow, decay, u) = workspace.interval.factor * workspace.interval.factor, state
     grow, decay = grow * factor, decay * (1.0 / factor)
@@ -136,7 +138,8 @@ def _try_closed(state, side, number, j, parameters, workspace):
 def _build_particular(number, j, parameters, workspace):
     """Write P of forcing and noise in interval j, the run's `number`, to `workspace.interval`.
 
-    It is a polynomial (TERMS,) in the time since the interval's middle.
+    It is a polynomial (TERMS,) in the time since the interval's middle. `parameters`, `workspace`: `Parameters` and
+    `Workspace` of `band_noise`.
     """
     particular, samples = workspace.interval.particular, workspace.samples.values
     interpolate(particular, parameters.forced[j], parameters.polynomials, samples, number % CHUNK)
@@ -148,6 +151,8 @@ def _step_closed(state, end, side, number, j, share, cycle, parameters, workspac
 
     A state is the growing and the decaying exponential and the folded angle. `state` is that at the begin, `end` that
     at the end if there were no event, from `_try_closed`; `share` is 1. `impacts` records times since τ = 0.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin of
+    the run.
     """
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
@@ -162,7 +167,8 @@ def _step_within_closed(state, end, side, number, j, share, cycle, parameters, w
     """Carry a block through a `share` of interval j; return (angle, velocity), side and inf.
 
     Both are nan if it has overturned by then. `state` is that at the begin, two exponentials and the folded angle;
-    `end`, `number` and `cycle` are not used.
+    `end`, `number` and `cycle` are not used. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`;
+    `number` counts intervals from the begin of the run.
     """
     time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
     return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
@@ -172,7 +178,8 @@ def _step_within_closed(state, end, side, number, j, share, cycle, parameters, w
 def _end_closed(state, side, number, j, parameters, workspace):
     """Angle and velocity at the end of interval j, the run's `number`, (0, 0) at rest.
 
-    `state` is that at the end: the growing and the decaying exponential and the folded angle.
+    `state` is that at the end: the growing and the decaying exponential and the folded angle. `parameters`,
+    `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin of the run.
     """
     grow, decay, u = state
     if side == 0:
@@ -188,7 +195,8 @@ def _end_closed(state, side, number, j, parameters, workspace):
 def _begin(stream, cycle, parameters, workspace):
     """Draw start and noise from `stream`; return (angle, velocity), and the same again as the state.
 
-    The harmonics, and their samples for the first intervals of `cycle`, are written to the `Workspace`.
+    The harmonics, and their samples for the first intervals of `cycle`, are written to the `Workspace`. `parameters`,
+    `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
@@ -201,7 +209,8 @@ def _begin(stream, cycle, parameters, workspace):
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
     """Write to the `Workspace` the samples for the CHUNK intervals from a number on, where others are used up.
 
-    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used.
+    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used. `parameters`,
+    `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     write_next_samples(workspace.samples, number, cycle, parameters)
 
@@ -211,6 +220,7 @@ def _respond_to_force(x, v, side, j, k, parameters, workspace):
     """Angle and velocity of a slender block at the end of interval j, if it has no event in it.
 
     (x, v) is at its begin, k its number in the chunk of samples in the `Workspace`. The envelope is one piece there.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
     strength = parameters.envelope.strength[parameters.envelope.first[j]]
@@ -245,7 +255,7 @@ def _try_response(state, side, number, j, parameters, workspace):
     """Whether interval j surely has no event for a slender block, and (angle, velocity) at its end if so.
 
     `state` is angle and velocity at its begin, `number` counts from the begin of the run. Where the envelope has a kink
-    inside the interval the answer is no.
+    inside the interval the answer is no. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
     if side == 0:
@@ -261,7 +271,8 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     """Whether interval j surely has no event for an exact block, and (angle, velocity) at its end if so.
 
     `state` is angle and velocity at its begin, `number` counts from the begin of the run. The angle is nan if
-    collocation has not converged; u'' at its points is written to `workspace.acceleration`.
+    collocation has not converged; u'' at its points is written to `workspace.acceleration`. `parameters`, `workspace`:
+    `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
     if side == 0:
@@ -286,6 +297,7 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for a slender block.
 
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
     for n in range(TERMS):
@@ -300,6 +312,7 @@ def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for an exact block.
 
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
 
@@ -324,6 +337,7 @@ def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameter
 
     Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
     `impacts`. The envelope has the polynomial `strength` (order,) in between. `known`, `last`: for an exact block.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
     _write_product(strength, workspace.noise, parameters.zeros, force)
@@ -340,7 +354,8 @@ def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters,
 
     Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
     `impacts`. The envelope has the polynomial `strength` (order,) in between. If `known`, `last` is (angle, velocity)
-    at `end` of the flight that begins there, unless it meets an event.
+    at `end` of the flight that begins there, unless it meets an event. `parameters`, `workspace`: `Parameters` and
+    `Workspace` of `band_noise`.
     """
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
     _write_product(strength, workspace.noise, parameters.forced[j], force)
@@ -359,7 +374,8 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
 
     It goes piece by piece of the envelope. `state` is (angle, velocity) at the interval's begin, `end` that at its end
     as tried without an event; `number` counts from the begin of the run at `cycle`; `impacts` records times since τ =
-    0.
+    0. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin
+    of the run.
     """
     (x, v), first = state, parameters.envelope.first
     spacing, time, known = parameters.grid.spacing, 0.0, False

@@ -104,7 +104,10 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def parameters_on_grid(scene, grid):
-    """Return the `Parameters` of a scene with filtered noise for a `TimeGrid`."""
+    """Return the `Parameters` of a scene with filtered noise for a `TimeGrid`.
+
+    The noise is drawn in the grid's intervals, and states are wanted at its `output_times`.
+    """
     span, envelope, degree = grid.spacing, scene.noise.envelope, polynomial_degree(scene.noise.space)
     begins = np.arange(grid.count) * span
     forced = scene.forcing.pieces(begins)
@@ -140,7 +143,8 @@ def workspace_of(parameters):
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start, and the noise up to the run's first `cycle`; return (angle, velocity) twice, also as the state.
 
-    `stream` gives the random numbers; the noise is written to the `Workspace`.
+    `stream` gives the random numbers; the noise is written to the `Workspace`. `parameters`, `workspace`: the engine's
+    `Parameters` and `Workspace`.
     """
     state = draw_start(stream, parameters.start)
     draw_first_states(stream, parameters.noise, workspace.noise)
@@ -151,7 +155,10 @@ def _begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw the noise of the next interval from `stream` into the `Workspace`; number, j and cycle are not used."""
+    """Draw the noise of the next interval from `stream` into the `Workspace`; number, j and cycle are not used.
+
+    `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    """
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
@@ -159,7 +166,8 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
 def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
     """Angle and velocity of a slender block after interval j if nothing happens in it, and True.
 
-    (x, v) is at the interval's begin; what the noise adds is read from the `Workspace`.
+    (x, v) is at the interval's begin; what the noise adds is read from the `Workspace`. `parameters`, `workspace`: the
+    engine's `Parameters` and `Workspace`.
     """
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
     end, speed = homogeneous_flight(x - side, v, parameters.hyperbolic[0], parameters.hyperbolic[1])
@@ -171,7 +179,8 @@ def _fly_exact(x, v, side, j, parameters, workspace, block):
     """Angle and velocity of an exact block after interval j if nothing happens in it, and whether they are right.
 
     (x, v) is at the interval's begin, the noise in the `Workspace`. They are not right where the envelope has a kink
-    inside the interval, or collocation does not converge.
+    inside the interval, or collocation does not converge. `parameters`, `workspace`: the engine's `Parameters` and
+    `Workspace`.
     """
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return x, v, False
@@ -195,6 +204,7 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether interval j surely has no event, and (angle, velocity) at its end if so.
 
     `state` is (angle, velocity) at its begin; the noise's Bernstein coefficients are written to the `Workspace`.
+    `parameters`: the engine's `Parameters`; `number` is not used.
     """
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
@@ -213,6 +223,7 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     Under an envelope only the noise is written. All are polynomials (TERMS,) in the time since the interval's begin.
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
+    `parameters`: the engine's `Parameters`; `number` is not used.
     """
     write_polynomial(parameters.noise, workspace.noise)
     if parameters.envelope.strength.size == 0:
@@ -266,7 +277,7 @@ def _build_force_in_piece(j, piece, parameters, workspace):
     """Write to `workspace.particular` P of forcing and noise in a piece of the envelope in interval j.
 
     For an exact block it is the force. `piece` is the number of the piece in `EnvelopeTables`, and time counts from its
-    begin.
+    begin. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     particular, force, share, envelope = workspace.particular, workspace.force, workspace.share, parameters.envelope
     begin, value, slope = envelope.begins[piece], envelope.strength[piece, 0], envelope.strength[piece, 1]
@@ -284,7 +295,7 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
     """Carry a block under an envelope from the begin of interval j to a time `until` since then.
 
     Returns x, v, side and the time, since that begin, of overturning or `until`. The begin is at `origin` since τ = 0;
-    `impacts` is an `ImpactRecord`.
+    `impacts` is an `ImpactRecord`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     time = 0.0
     for piece in range(parameters.envelope.first[j], parameters.envelope.first[j + 1]):
@@ -305,7 +316,8 @@ def _step_with_events(state, end, side, number, j, share, cycle, parameters, wor
     """Carry a block through a `share` of interval j; return (angle, velocity), side, time of overturning.
 
     That is inf for none. `state` is (angle, velocity) at the interval's begin; `number` counts from the begin of the
-    run at `cycle`; `impacts` records times since τ = 0; `end` is not used.
+    run at `cycle`; `impacts` records times since τ = 0; `end` is not used. `parameters`, `workspace`: the engine's
+    `Parameters` and `Workspace`.
     """
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state

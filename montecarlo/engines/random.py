@@ -96,7 +96,7 @@ def next_word(state):
 def uniform_pairs(state, first, second, count):
     """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give.
 
-    `state` (4,) uint64 of a stream is advanced.
+    `state` (4,) uint64 of a stream is advanced. `first` and `second` are (count,) or longer.
     """
     s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
     for n in range(count):

@@ -59,7 +59,10 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`."""
+    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`.
+
+    `steps_per_cycle` sets the step; `times` (rows,) are since the begin of the table period.
+    """
     grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Parameters(
         block_of_scene(scene),
@@ -104,7 +107,8 @@ def workspace_of(parameters):
 def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
     """Draw start and noise from `stream`; return (angle, velocity), and the same again as the state.
 
-    The harmonics, and the rotations by which they are sampled, are written to the `Workspace`.
+    The harmonics, and the rotations by which they are sampled, are written to the `Workspace`. `parameters`,
+    `workspace`: the engine's `Parameters` and `Workspace`.
     """
     n, length, harmonics = parameters.grid.count, workspace.low.size, workspace.harmonics
     state = draw_start_and_noise(stream, parameters.start, parameters.band, harmonics)
@@ -120,6 +124,7 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
     """Write the force in the chunk of steps that begins with step j, where the last chunk is used up.
 
     `number` counts steps from the begin of the run at `cycle`, j from that of the table period; `stream` is not used.
+    `workspace` is the engine's `Workspace`.
     """
     if j % workspace.low.size == 0:
         _write_chunk(number, j, cycle, parameters, workspace)
@@ -130,7 +135,7 @@ def _write_chunk(number, first, cycle, parameters, workspace):
     """Write to the `Workspace` the force in a chunk of steps, its bounds, and what it adds to each step.
 
     `first` is the chunk's first step, from the begin of the table period; `number` the same from that of the run, which
-    begins at `cycle`.
+    begins at `cycle`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     n, length, harmonics, h = parameters.grid.count, workspace.low.size, workspace.harmonics, parameters.grid.spacing
     cycle += number // n
@@ -155,7 +160,7 @@ def _write_chunk(number, first, cycle, parameters, workspace):
 def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
     """Angle and velocity of a slender block after step k of a chunk, of duration h, without an event.
 
-    (x, v) is before the step; what the force adds is `workspace.push`.
+    (x, v) is before the step; what the force adds is `workspace.push`. `workspace` is the engine's `Workspace`.
     """
     keep, swap, share = runge_kutta_coefficients(h)
     return keep * x + swap * v + workspace.push[k, 0] - side * share, swap * x + keep * v + workspace.push[
@@ -181,7 +186,7 @@ def classical_step(u, w, side, begin, middle, end, h, block):
 def _exact_step(x, v, side, k, h, workspace, block):
     """Angle and velocity of an exact block after step k of a chunk, of duration h, without an event.
 
-    (x, v) is before the step; the force is `workspace.force`.
+    (x, v) is before the step; the force is `workspace.force`. `workspace` is the engine's `Workspace`.
     """
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     u, w = classical_step(side * x, side * v, side, begin, middle, end, h, block)
@@ -195,7 +200,7 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether step j of the table period surely has no event, and (angle, velocity) at its end if so.
 
-    `state` is (angle, velocity) at its begin; `number` is not used.
+    `state` is (angle, velocity) at its begin; `number` is not used. `workspace` is the engine's `Workspace`.
     """
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
@@ -212,7 +217,8 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of the force in step j of the table period to `workspace.particular` (TERMS,).
 
-    The force is the parabola through its three values in the step; time counts from the step's begin.
+    The force is the parabola through its three values in the step; time counts from the step's begin. `workspace` is
+    the engine's `Workspace`.
     """
     k, h = j % workspace.low.size, parameters.grid.spacing
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
@@ -229,7 +235,7 @@ def _step_with_events(state, end, side, number, j, share, cycle, parameters, wor
     """Carry a block through a `share` of step j; return (angle, velocity), side, time of overturning.
 
     That is inf for none. `state` is (angle, velocity) at the step's begin; `number` counts from the begin of the run at
-    `cycle`; `impacts` records times since τ = 0; `end` is not used.
+    `cycle`; `impacts` records times since τ = 0; `end` is not used. `workspace` is the engine's `Workspace`.
     """
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block

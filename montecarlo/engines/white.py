@@ -81,7 +81,8 @@ class Parameters(NamedTuple):
 def _write_segments(particular, span, force, low, high, curvature, stages, drift, block):
     """Write the tables `force` to `drift` of `Parameters`, for intervals of a duration `span`.
 
-    `particular` (m, TERMS): P of the forcing in the time since each interval's begin.
+    `particular` (m, TERMS): P of the forcing in the time since each interval's begin. The tables are written in place,
+    and have the shapes that `Parameters` tells.
     """
     for j in range(low.size):
         segment = segment_from_particular(particular[j], force[j], span)
@@ -158,7 +159,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
 def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG001
     """Folded angle and velocity of a slender block after all of interval j, without an event.
 
-    (u, w) is at its begin; `first`, `second` are standard normal numbers.
+    (u, w) is at its begin; `first`, `second` are standard normal numbers. `parameters`: the engine's `Parameters`.
     """
     drift = parameters.drift[j, (side + 1) // 2]
     keep, swap = parameters.hyperbolic
@@ -171,7 +172,7 @@ def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG
 def _draw_exact(u, w, side, first, second, j, parameters, block):
     """Folded angle and velocity of an exact block after all of interval j, without an event.
 
-    (u, w) is at its begin; `first`, `second` are standard normal numbers.
+    (u, w) is at its begin; `first`, `second` are standard normal numbers. `parameters`: the engine's `Parameters`.
     """
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
     u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
@@ -188,7 +189,7 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
 
     That time is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`,
     that of the interval's begin since τ = 0, and `end` is at most its end; `impacts` is an `ImpactRecord`, or None for
-    no record.
+    no record. `stream` (4,) gives the random numbers; `parameters`: the engine's `Parameters`.
     """
     span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
@@ -222,7 +223,7 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
     """Take the block through a part of an interval without noise; return u, w, side and the time reached.
 
     It may rest: u = w = 0, side 1. `start`, `end` count from the begin of the `Segment`, which is at `origin` since τ =
-    0; `impacts` is an `ImpactRecord` or None.
+    0; `impacts` is an `ImpactRecord` or None. `parameters`: the engine's `Parameters`.
     """
     side = 0 if u == 0.0 and w == 0.0 else side
     x, v, side, time = advance_through_events(
@@ -235,7 +236,10 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 
 @kernel
 def is_clear(u, w, side, j, parameters):
-    """Whether neither barrier, x = 0 or cut-off, is within some standard deviations of (u, w) in all of interval j."""
+    """Whether neither barrier, x = 0 or cut-off, is within some standard deviations of (u, w) in all of interval j.
+
+    `parameters`: the engine's `Parameters`.
+    """
     below, above = folded_angle_bounds(
         u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block
     )
@@ -246,7 +250,7 @@ def is_clear(u, w, side, j, parameters):
 def first_side(x, v, parameters):
     """Side, 1 or -1, of a start; at rest it is where the force of the first of `Parameters` pushes.
 
-    Otherwise the first step would begin with an impact.
+    Otherwise the first step would begin with an impact. `parameters`: the engine's `Parameters`.
     """
     push = v if v != 0.0 else parameters.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
@@ -264,7 +268,8 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
 
     `angle`, `velocity` (periods * rows + 1,) are filled up to overturning; `cycle` is the one at which the run begins.
     A path cannot be looked at within a step, as that would take random numbers: its steps end at the output times, so
-    `unkept` and `workspace` are not used.
+    `unkept` and `workspace` are not used. `stream` (4,) gives the random numbers; `parameters`: the engine's
+    `Parameters`; `impacts`: an `ImpactRecord`.
     """
     intervals, span, times = parameters.grid.count, parameters.grid.spacing, parameters.grid.output_times
     x, v = draw_start(stream, parameters.start)

@@ -200,7 +200,7 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
     """Write the ends of the nodes of a point (x, v) next to x = 0 or the cut-off; see `trace_point`.
 
     `undisturbed` is the angle and the time of the end of the path without noise, and its side. `scratch` (4, TERMS) is
-    overwritten.
+    overwritten. `segment` is the forcing over the step; for `noise`, `ends`, `flags` see there.
     """
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
@@ -231,7 +231,7 @@ def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block)
     """Return unit, slender block and particular solution for an exact block, see `_contact_equivalent`.
 
     The path without noise goes from angle x at t = 0 to angle `end` at a `time`; `duration` is that of the step. The
-    particular solution is written to `out` (TERMS,).
+    particular solution is written to `out` (TERMS,). `segment` is the forcing over the step.
     """
     alpha = block.critical_angle
     unit, level = math.sin(alpha) / alpha, lift_off_level(block)
@@ -270,7 +270,7 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
 
     A kick is a node times `half`, sqrt(D duration), and the flight between is without noise. The last kick sets a block
     off from rest unless it `rests`. Nodes of the same first kick follow each other. For `ends`, `flags` see
-    `trace_point`.
+    `trace_point`. `segment` is the forcing over the step.
     """
     nodes, duration = noise.nodes, noise.duration
     xn, vn, sn, part = x, v, side, force_factor(side * x, block)
@@ -310,7 +310,7 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
 
     `undisturbed` is the impact's time, velocity and side before it, and whether it is so fast that what noise changes
     is smooth: then one expansion serves all nodes that arrive within the step. `scratch` (4, TERMS) is overwritten; for
-    `ends` and `flags` see `trace_point`.
+    `ends` and `flags` see `trace_point`. `segment` is the forcing over the step.
     """
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff
@@ -367,7 +367,8 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
     """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return.
 
     In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
-    to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end.
+    to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end. `segment` is
+    the forcing over the step, of which bounds enter.
     """
     fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
@@ -384,6 +385,7 @@ def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
     """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool.
 
     `margins` are what noise adds to angle and velocity within its `duration`, whose forcing is the `Segment`.
+    `angle_lines`, `velocity_lines` are those of the mesh.
     """
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
@@ -401,7 +403,10 @@ _four_polynomials = scratch(4, TERMS)
 
 @kernel(inline="always")
 def _trace_cell(i, j, points, segment, block, noise, ends, flags):
-    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_point`."""
+    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_point`.
+
+    `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the `Noise` in it.
+    """
     scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
     for p in range(len(x)):
         for q in range(len(v)):
@@ -412,7 +417,8 @@ def _trace_cell(i, j, points, segment, block, noise, ends, flags):
 def _trace_all(begin, end, cells, points, segment, block, noise, ends, flags):
     """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
 
-    `cells` (m, 2) are their indices.
+    `cells` (m, 2) are their indices. `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the
+    `Noise` in it.
     """
     cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
     for c in range(begin, end):

@@ -248,7 +248,8 @@ def _line_points(lines, points):
 def _write_row(t, moved, target, out, basis):
     """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction.
 
-    `target`: its first cell and the one after the last; `out` (cells, rows, modes, lines).
+    `target`: its first cell and the one after the last; `out` (cells, rows, modes, lines). `basis`, a tuple (modes,),
+    tells the compiler the number of modes.
     """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
@@ -260,7 +261,8 @@ def _write_row(t, moved, target, out, basis):
 def _read_row(t, values, target, out, basis):
     """Read row t, `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`.
 
-    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines).
+    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines). `basis`, a tuple
+    (modes,), tells the compiler the number of modes.
     """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
@@ -304,7 +306,8 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
     """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle.
 
     `values`: before it; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. What passes the cut-off is added
-    to `overturned` (2, velocity cells), what passes x = 0 is clamped to it.
+    to `overturned` (2, velocity cells), what passes x = 0 is clamped to it. `basis`, a tuple (modes,), tells the
+    compiler the number of modes.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, masses = r // across, r % across, np.zeros(len(basis))
@@ -322,7 +325,7 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
     """Add to `moved` the values of a function on row r before a shear of the angle.
 
     Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
-    passed the cut-off to the left and to the right.
+    passed the cut-off to the left and to the right. Other arguments are those of `_shear_angle_row`.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
@@ -337,7 +340,10 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
 @kernel
 def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
-    """Write row r (side, velocity cell) after the first shear of the angle, see `first_angle_shear`."""
+    """Write row r (side, velocity cell) after the first shear of the angle, see `first_angle_shear`.
+
+    All other arguments are those of that kernel.
+    """
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
     values, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
@@ -354,7 +360,7 @@ def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out,
 
     It does so for places `begin` to `stop` in the order of `AngleRows`, from `coefficients` (the space's shape) before
     it in the cells of the mask `free`. Masses that passed the cut-off, which do not return, are added to `overturned`
-    (2, velocity cells).
+    (2, velocity cells). `tables`: `LineTables`; `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     rows, coefficients, free, remap, tables, out, overturned = borrowed(
         (rows, coefficients, free, remap, tables, out, overturned)
@@ -369,7 +375,8 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
     """Write to `out` the coefficients of a function in the free cells, by values after the first shear.
 
     Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `exit_values` (2,) are those of having passed
-    the cut-off to the left and to the right.
+    the cut-off to the left and to the right. It does so for places `begin` to `stop` in the order of the rows; other
+    arguments are those of `first_angle_shear`.
     """
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
@@ -391,7 +398,7 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
     """Write row c after shear and diffusion of the velocity, see `velocity_shear`; return the truncated mass.
 
-    `values` (velocity cells, modes, modes) are those of the row before.
+    `values` (velocity cells, modes, modes) are those of the row before. All other arguments are those of that kernel.
     """
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
@@ -413,7 +420,7 @@ def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, t
 
     It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values`: those
     of `first_angle_shear`; both remaps: `Remap`. The masses that passed the velocity bound are written to `truncated`
-    (angle cells,).
+    (angle cells,). `tables`: `LineTables`; `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
@@ -428,7 +435,7 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
     """Write to `out` the values of a function before shear and diffusion of the velocity.
 
     Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of the rows: `values` are those after, and
-    `exit_value` is that of having passed the velocity bound.
+    `exit_value` is that of having passed the velocity bound. Other arguments are those of that kernel.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
@@ -450,7 +457,10 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
 
 @kernel
 def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
-    """Add coefficients of row r (side, velocity cell), sheared from values at Gauss points; see `last_angle_shear`."""
+    """Add coefficients of row r (side, velocity cell), sheared from values at Gauss points; see `last_angle_shear`.
+
+    All other arguments are those of that kernel.
+    """
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
     moved, cell = np.zeros((limit, modes, modes)), np.zeros((modes, modes))
@@ -467,7 +477,8 @@ def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, 
     """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells).
 
     It does so for places `begin` to `stop` in the order of `AngleRows`; `values` (velocity cells, angle cells, modes,
-    modes) are those of `velocity_shear`.
+    modes) are those of `velocity_shear`. `tables`: `LineTables`; `basis`, a tuple (modes,), tells the compiler the
+    number of modes.
     """
     rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
     for n in range(begin, stop):
@@ -480,7 +491,8 @@ def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_va
     """Write to `out` the values of a function before the last shear by coefficients after it.
 
     Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` has the space's
-    shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right.
+    shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right. Other arguments are
+    those of that kernel.
     """
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)

@@ -216,7 +216,8 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
     """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions.
 
     One is of the source cell [left, right], one of the target cell [low, high], whose argument is moved by `shift`.
-    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1].
+    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]. `basis`, a tuple (modes,), tells the compiler the
+    number of modes.
     """
     here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
     for q in range(len(points)):
@@ -285,7 +286,7 @@ def _block_to_point_values(b, moments, values, blocks, half, basis):
     """Turn block b of `blocks` (n, modes, modes) from moments to values at Gauss points, in place.
 
     `values` (points, modes) are the shape functions there, `moments` the same times the points' weights; `half` (modes,
-    modes) is overwritten.
+    modes) is overwritten. `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     modes = len(basis)
     for k in range(modes):
@@ -307,7 +308,8 @@ def blocks_to_point_values(begin, end, moments, values, blocks, basis):
     """Turn the blocks from `begin` to `end`, in place, from moments to values at Gauss points.
 
     `blocks` (n, modes, modes) before are matrices from moments to moments, after from values to values. `values`
-    (points, modes) are the shape functions at the points, `moments` the same times the points' weights.
+    (points, modes) are the shape functions at the points, `moments` the same times the points' weights. `basis`, a
+    tuple (modes,), tells the compiler the number of modes.
     """
     moments, values, blocks = borrowed((moments, values, blocks))
     half = np.empty(values.shape)

@@ -68,7 +68,8 @@ def scatter_point(target, amount, xi, eta, basis):
 def point_masses(cell, area, points, rows, values, basis):
     """Write to `values` (g, h) the masses of the Gauss points of a cell, by its coefficients `cell` (modes, modes).
 
-    `area` is the cell's, `points` are `GaussPoints`; `rows` (modes, h) is overwritten.
+    `area` is the cell's, `points` are `GaussPoints`; `rows` (modes, h) is overwritten. `basis`, a tuple (modes,), tells
+    the compiler the number of modes.
     """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
@@ -91,7 +92,8 @@ def point_masses(cell, area, points, rows, values, basis):
 def project_point_values(values, points, rows, out, basis):
     """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) at its `GaussPoints`.
 
-    It is the L2 projection; `rows` (g, modes) is overwritten.
+    It is the L2 projection; `rows` (g, modes) is overwritten. `basis`, a tuple (modes,), tells the compiler the number
+    of modes.
     """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
@@ -115,7 +117,8 @@ def scatter_affine_cell(values, paths, side, x, v, angle_search, velocity_search
     """Add the point masses `values` (g, h) of a cell without events to `buffer` and `absorbed`.
 
     `paths`: `AffinePaths`; x (g,) and v (h,) are the cell's Gauss points. The searches are the `CellSearch` of the
-    target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by `Exit`.
+    target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by `Exit`. `basis`, a
+    tuple (modes,), tells the compiler the number of modes.
     """
     affine, offsets, node_weights = (paths.cosh, paths.sinh, paths.shifts[side]), paths.offsets, paths.weights
     for p in range(values.shape[0]):
@@ -148,7 +151,8 @@ def _scatter_chunk(
 ):
     """Scatter the source columns of one chunk to its buffer, see `scatter`; both outputs are overwritten.
 
-    `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`.
+    `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`. All other
+    arguments are those of `scatter`.
     """
     across = len(velocity_search.scales)
     absorbed[:] = 0.0

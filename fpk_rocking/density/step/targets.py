@@ -265,7 +265,8 @@ def _store_polynomials(points, b, rows):
 def scatter_group(target, begin, end, points, masses, basis):
     """Add masses (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell.
 
-    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates`.
+    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates`. `basis`, a tuple (modes,), tells the
+    compiler the number of modes.
     """
     modes, sums, rows = len(basis), _sums(), _polynomials()
     for k in range(modes * modes):
@@ -287,7 +288,8 @@ def scatter_group(target, begin, end, points, masses, basis):
 def gather_group(function, begin, end, points, values, basis):
     """Write the values (blocks, 8) of a function, by its coefficients (modes²,) in a cell, at `Targets.coordinates`.
 
-    The blocks are those from `begin` to `end` of these, `points`.
+    The blocks are those from `begin` to `end` of these, `points`. `basis`, a tuple (modes,), tells the compiler the
+    number of modes.
     """
     modes, rows = len(basis), _polynomials()
     for b in range(begin, end):
@@ -308,7 +310,8 @@ def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ord
     """Add the point masses `values` (g, h) of source cell r, times the nodes' weights, to unknowns and absorbed masses.
 
     `buffer` (target cells, modes²) holds the unknowns, `absorbed` the masses by `Exit`; `node_weights` (n,) are those
-    of the noise; `masses` (g h n + 1,) and `ordered` (most, 8) are overwritten.
+    of the noise; `masses` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the
+    compiler the number of modes.
     """
     n = 0
     for p in range(values.shape[0]):
@@ -335,7 +338,8 @@ def gather_cell(function, exit_values, node_weights, r, targets, values, path_va
     """Write to `values` (g, h) means over the nodes of a function at the paths' ends of source cell r.
 
     Adjoint of `scatter_cell`. `function` (target cells, modes²) are its coefficients, `exit_values` (3,) its values by
-    `Exit`; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten.
+    `Exit`; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the
+    compiler the number of modes.
     """
     first, last = targets.groups[r], targets.groups[r + 1]
     base = targets.blocks[first]
