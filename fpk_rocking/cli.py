@@ -117,7 +117,7 @@ _REPLACED = {"amplitude": 1.0, "frequency": 1.0}
 
 
 def _arguments():
-    """Return the keyword arguments of argparse for each entry of `_OPTIONS`, by its name."""
+    """Return a dict of keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
     arguments: dict[str, dict[str, Any]] = {}
     types = {"int": int, "float": float, "path": pathlib.Path, "": None}
     marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "!": {"required": True}, "": {}}
@@ -228,7 +228,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _probability(options):
-    """Run the command ``probability``: answer, and print and save the answer."""
+    """Run the command ``probability`` with its parsed `options`: answer, and print and save the answer."""
     from fpk_rocking.base.files import write_json
     from fpk_rocking.output import tables
     from fpk_rocking.output.progress import reporting
@@ -251,17 +251,17 @@ def _probability(options):
 
 
 def _fpk(options):
-    """Run the command ``fpk``: solve a scene, and print and save the density."""
+    """Run the command ``fpk`` with its parsed `options`: solve a scene, and print and save the density."""
     _finish(options, _checked(options, _solved(options, _scene(options, options.scene))))
 
 
 def _mc(options):
-    """Run the command ``mc``: simulate a scene, and print and save the sample."""
+    """Run the command ``mc`` with its parsed `options`: simulate a scene, and print and save the sample."""
     _finish(options, _simulated(options, _scene(options, options.scene)))
 
 
 def _finish(options, result):
-    """Save and print the result of one engine, of a density its VTK series too."""
+    """Save and print a `SurvivalResult` of one engine, of a density its VTK series too, as the parsed `options` say."""
     from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import shown_cycles
     from fpk_rocking.output import tables, vtk
@@ -276,7 +276,10 @@ def _finish(options, result):
 
 
 def _compare(options):
-    """Run the command ``compare``: solve and simulate a scene, and print and save the comparison."""
+    """Run the command ``compare`` with its parsed `options`.
+
+    It solves and simulates a scene, or loads two saved results, and prints and saves the comparison.
+    """
     from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import compare
     from fpk_rocking.output import curves, tables
@@ -300,7 +303,7 @@ def _compare(options):
 
 
 def _fragility(options):
-    """Run the command ``fragility``: compute, print and save fragility curves."""
+    """Run the command ``fragility`` with its parsed `options`: compute, print and save fragility curves."""
     from fpk_rocking.base.files import plain, write_json
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import dispersions, drawn, fragility
@@ -354,7 +357,10 @@ def _fragility(options):
 
 
 def _at_scales(options, scenes):
-    """Return scenes as they are at scale 1, an intensity of 1 with --pga or --pgv, and the scales."""
+    """Return scenes (a list) as they are at scale 1, an intensity of 1 with --pga or --pgv, and the scales (a list).
+
+    `options` are the parsed arguments.
+    """
     from fpk_rocking.risk.curve import at_intensity
 
     lists = _passed(options, "scales", "pga", "pgv")
@@ -369,7 +375,7 @@ def _at_scales(options, scenes):
 
 
 def _shaken(options):
-    """Return the scenes of a command, or the one scene under each of the records that are given."""
+    """List of the scenes that the parsed `options` name, or of the one scene under each of the records named there."""
     from fpk_rocking.studies.scenes import recorded_scenes
 
     scenes = [_scene(options, path) for path in options.scenes]
@@ -384,7 +390,7 @@ def _shaken(options):
 
 
 def _risk(options):
-    """Run the command ``risk``: compute, print and save an annual rate of overturning."""
+    """Run the command ``risk`` with its parsed `options`: compute, print and save an annual rate of overturning."""
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.risk.study import study
 
@@ -418,7 +424,7 @@ def _risk(options):
 
 
 def _hazard(text):
-    """Return the hazard K0:K, or the name of a file."""
+    """Return the `Hazard` of a text K0:K, or the text itself where it is the name of a file."""
     from fpk_rocking.risk.hazard import Hazard
 
     rate, colon, exponent = text.partition(":")
@@ -431,7 +437,7 @@ def _hazard(text):
 
 
 def _uncertain(options):
-    """Return the distributions of --uncertain by their names."""
+    """Return the distributions of --uncertain in the parsed `options`, as texts by the names of the values."""
     distributions = {}
     for text in options.uncertain or ():
         name, equals, distribution = text.partition("=")
@@ -444,7 +450,10 @@ def _uncertain(options):
 
 
 def _numbers(name, text):
-    """Return the numbers of a list A,B,C or of LOW:HIGH:COUNT, which are spaced evenly in their logarithm."""
+    """Return the list of numbers of a text A,B,C or LOW:HIGH:COUNT; the latter are spaced evenly in their logarithm.
+
+    `name` is that of the option, for the message that refuses the text.
+    """
     parts = text.split(":")
     try:
         if len(parts) == 1:
@@ -473,7 +482,7 @@ def _warmup(_):
 
 
 def _scene(options, path):
-    """Return the scene of a file, with the changes of --set."""
+    """Return the `Scene` of a file at a path, or of the package, with the changes of --set in the parsed `options`."""
     from fpk_rocking.scene.scene import load_scene
 
     if path.endswith(".npz"):
@@ -486,7 +495,7 @@ def _scene(options, path):
 
 
 def _setting(text):
-    """Return the name and the value of KEY=VALUE; a value that is not TOML is a text."""
+    """Return the name and the value of a text KEY=VALUE; a value that is not TOML is a text."""
     name, equals, value = text.partition("=")
     if not (equals and name.strip()):
         raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
@@ -497,7 +506,7 @@ def _setting(text):
 
 
 def _solved(options, scene):
-    """Solve a scene with the options of the density solver; return the density."""
+    """Solve a scene with those of the parsed `options` that are the density solver's; return the `Evolution`."""
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import tasks
@@ -510,7 +519,10 @@ def _solved(options, scene):
 
 
 def _checked(options, density, beside=None):
-    """Return a density with the measured change by the replacement of its noise, by `beside` if large enough."""
+    """Return a density, an `Evolution`, with the measured change by the replacement of its noise.
+
+    `options` are the parsed arguments; the paths are those of `beside`, an `Ensemble` or `Tally`, if they are enough.
+    """
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import tasks
 
@@ -521,17 +533,20 @@ def _checked(options, density, beside=None):
 
 
 def _rows(options, scene):
-    """Return the cycles or the times that are asked for; without either, the default ones."""
+    """Return the cycles or the times of the parsed `options`, or the default ones for a scene, as a dict."""
     return _passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
 
 
 def _passed(options, *names):
-    """Return the values of those of some options that were passed, by name."""
+    """Return those of some parsed `options` that were passed, their values by name, as a dict."""
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
 def _simulated(options, scene):
-    """Simulate a scene with the options of the engines; return an ensemble or, with --tally, a tally."""
+    """Simulate a scene with those of the parsed `options` that are the engines'.
+
+    Return an `Ensemble` or, with --tally, a `Tally`.
+    """
     from fpk_rocking.output.progress import reporting
     from montecarlo import simulate, tally
 
@@ -547,7 +562,7 @@ def _simulated(options, scene):
 
 
 def _loaded(options) -> list:
-    """Return the saved results that the options name."""
+    """Return the list of the two saved results that the parsed `options` name."""
     from fpk_rocking.density import Evolution
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
@@ -564,7 +579,11 @@ def _loaded(options) -> list:
 
 
 def _print(options, result, values, table, films=()):
-    """Print a result as JSON (`values`) or as a table, and write its report where one is asked for."""
+    """Print a `Result` as JSON or as a table, and write its report where the parsed `options` ask for one.
+
+    `values` is what JSON shows, `table` returns the arguments of `tables.show`, and `films` are the `SurvivalResult`
+    whose densities the report shows.
+    """
     from fpk_rocking.output import tables
 
     if getattr(options, "report", None):

@@ -98,7 +98,7 @@ def insistent():
 
 @contextlib.contextmanager
 def plain_warnings(command):
-    """Show a warning within the block as one line, as an error is shown."""
+    """Show a warning within the block as one line, as an error is shown; `command` is that of the command line."""
 
     def show(message, *_):
         sys.stderr.write(f"fpk-rocking {command}: warning: {line(message)}\n")
@@ -109,7 +109,7 @@ def plain_warnings(command):
 
 
 def line(message):
-    """Return a message on one line."""
+    """Return a message, a text or an exception or warning, on one line of text."""
     return " ".join(str(message).split())
 
 

@@ -79,24 +79,30 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
 
 
 def _message(results, compared):
-    """Return survival of all results in the end, and the largest difference from the first."""
+    """Return a sentence on survival of all results in the end, and on the largest difference from the first.
+
+    `results` are of the class `SurvivalResult`, and `compared` are the `Comparison` of all but the first with it.
+    """
     ends = ", ".join(f"{result.survival[-1]:.3f}" for result in results)
     apart = max(float(np.abs(one.difference).max()) for one in compared)
     return f"Survival in the end {ends}; the largest difference is {apart:.2g}"
 
 
 def _noise(result):
-    """Name the noise of a result; a note below the panels says what a density has in its place."""
+    """Name the noise of a `SurvivalResult`; a note below the panels says what a density has in its place."""
     return "noise replaced, see below" if result.noise_replacement else noise_text(result.scene.noise)
 
 
 def _open_markers(marker) -> dict:
-    """Return the look of points without a line, open inside."""
+    """Return the look (dict, as ``axes.plot`` takes it) of points of a marker without a line, open inside."""
     return {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none"}
 
 
 def _draw_survival(axes, result, label, colour, marker):
-    """Draw survival against the rows: a line for a density, points with 95 % intervals for a sample."""
+    """Draw survival of a `SurvivalResult` against its rows on matplotlib's `axes`, with a label, a colour and a marker.
+
+    It is a line for a density, points with 95 % intervals for a sample.
+    """
     cycles, survival = result.row_values, np.asarray(result.survival)
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
@@ -109,7 +115,11 @@ def _draw_survival(axes, result, label, colour, marker):
 
 
 def _draw_difference(axes, comparison, times, place):
-    """Draw survival of one result less that of the first, with 95 % intervals, set off by its `place`, 1 on."""
+    """Draw survival of one result less that of the first on matplotlib's `axes`, with 95 % intervals.
+
+    `comparison` is their `Comparison`, `times` are the rows as their label counts them, and `place`, from 1 on, the
+    number of the result, by which the points are set off.
+    """
     bars = 1.96 * comparison.standard_error
     times = times[: len(comparison.difference)]
     beside = times + 0.3 * (place - 1) * times[1]
@@ -117,7 +127,10 @@ def _draw_difference(axes, comparison, times, place):
 
 
 def _draw_leakage(axes, result, colour, marker):
-    """Draw the probability of overturning in each row, to the right upwards and to the left downwards."""
+    """Draw the probability of overturning in each row of a `SurvivalResult` on matplotlib's `axes`.
+
+    It is drawn to the right upwards and to the left downwards, with a colour and a marker.
+    """
     cycles = result.row_values[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
     shape = _open_markers(marker) | {"markersize": 2.8} if result.realizations else {}
@@ -126,7 +139,10 @@ def _draw_leakage(axes, result, colour, marker):
 
 
 def _label_panels(panels, reference, counted):
-    """Write titles and axes of the four panels."""
+    """Write titles and axes of the four panels, a dict of matplotlib's axes by name.
+
+    `reference` names the first result's engine, and `counted` what the rows are counted in.
+    """
     survival, tail, leakage, difference = panels.values()
     survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
     tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")

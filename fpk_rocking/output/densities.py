@@ -93,7 +93,10 @@ def _row_name(result: SurvivalResult) -> str:
 
 
 def _bin_averages(result, cycle):
-    """Angles, velocities and, around each point, the mean density in a bin; points are a quarter of a bin apart."""
+    """Angles, velocities and, around each point, the mean density in a bin: three arrays (n, m), nondimensional.
+
+    `result` is a `SurvivalResult` and `cycle` its row; points are a quarter of a bin apart.
+    """
     fine = [np.linspace(edges[0], edges[-1], _PIECES * (edges.size - 1) + 1) for edges in joint_edges(result.scene)]
     within = np.cumsum(np.cumsum(result.bin_probabilities(cycle, *fine), axis=0), axis=1)
     within = np.pad(within, ((1, 0), (1, 0)))
@@ -105,7 +108,11 @@ def _bin_averages(result, cycle):
 
 
 def _draw_surface(axes, result, cycle, surface, highest):
-    """Draw the density of one row of a result as a surface, with walls for the overturned probability."""
+    """Draw the density of one row of a `SurvivalResult` as a surface, with walls for the overturned probability.
+
+    `axes` are matplotlib's in three dimensions, `cycle` is the row, `surface` what `_bin_averages` returned for it, and
+    `highest` the density at the top of the axes.
+    """
     scene = result.scene
     cut_off, bound = scene.overturning.angle, surface[1].max()
     axes.patch.set_visible(False)
@@ -133,7 +140,11 @@ def _draw_surface(axes, result, cycle, surface, highest):
 
 
 def _draw_wall(axes, x, bound, height, text, place):
-    """Draw a wall at the angle x of overturning, as high as the probability that is written on it."""
+    """Draw a wall at the angle x of overturning, from -bound to bound in velocity, with a text on it.
+
+    `axes` are matplotlib's in three dimensions; `height` is in units of the density, and the text stands at the
+    velocity `place`.
+    """
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     corners = [(x, -bound, 0.0), (x, bound, 0.0), (x, bound, height), (x, -bound, height)]
@@ -144,7 +155,7 @@ def _draw_wall(axes, x, bound, height, text, place):
 
 
 def _draw_needle(axes, start, highest):
-    """Draw a start from a point as a needle."""
+    """Draw a `Start` from a point as a needle; `highest` is the density at the top of matplotlib's `axes`."""
     axes.plot([start.angle] * 2, [start.velocity] * 2, [0.0, 0.9 * highest], color="black", linewidth=2.0)
     axes.text(start.angle, start.velocity, 0.92 * highest, "probability 1 at one point", ha="center", va="bottom")
     axes.set_zlabel("")
@@ -152,7 +163,10 @@ def _draw_needle(axes, start, highest):
 
 
 def _surface_notes(results, columns):
-    """Lines below the surfaces: the scene, what is drawn, and what speaks against the results."""
+    """Lines of text below the surfaces, wrapped for a number of columns of panels.
+
+    They tell the scene of `results` (of class `SurvivalResult`), what is drawn, and what speaks against the results.
+    """
     drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
     text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
     return textwrap.wrap(text, 50 * columns)
@@ -209,21 +223,24 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
 
 
 def _inner_velocities(edges, masses):
-    """Velocities between which all but a ten-thousandth of the masses of bins lies."""
+    """Velocities (lowest, highest) between which all but a ten-thousandth of the masses (n,) of bins lies.
+
+    `edges` (n + 1,) are those of the bins, nondimensional.
+    """
     beyond = 0.5e-4 * masses.sum()
     low, high = np.searchsorted(np.cumsum(masses), beyond), np.searchsorted(np.cumsum(masses[::-1]), beyond)
     return edges[low], edges[-1 - high]
 
 
 def _heading(result, cycle):
-    """Time, survival and overturned probabilities of a row, above its map."""
+    """Time, survival and overturned probabilities of a row (`cycle`) of a `SurvivalResult`, a text above its map."""
     left, right = np.asarray(result.overturned)[cycle]
     when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
     return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
 
 
 def _map_notes(results):
-    """Note below the maps: the scene, what is drawn, and what speaks against the results."""
+    """Tuple of the note below the maps: the scene of `results`, what is drawn, and what speaks against the results."""
     drawn = (
         "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
         "right the panels end at the cut-off."

@@ -43,7 +43,7 @@ def reporting(label: str) -> Iterator[types.Progress]:
 
 @contextlib.contextmanager
 def _bar(label):
-    """Yield a `progress` function that draws a bar on the terminal."""
+    """Yield a `progress` function (done, total) that draws a bar on the terminal, with a label (text) in front."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -55,7 +55,7 @@ def _bar(label):
 
 
 def _lines(label):
-    """Return a `progress` function that prints a line from time to time."""
+    """Return a `progress` function (done, total) that prints a line from time to time, with a label (text) in front."""
     started = last = time.monotonic()
     first = None  # time and work done at the first report: work may go on from a file
 

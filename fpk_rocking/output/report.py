@@ -91,14 +91,14 @@ def write_page(path, title, parts):
 
 
 def _without_samples(scene):
-    """Return the text of a scene with the number of samples of a record in place of these."""
+    """Return the TOML text of a scene with the number of samples of a record in place of these."""
     lines = scene.to_toml().splitlines()
     short = (f"# {line.count(',') + 1:,} samples" if line.startswith("samples = ") else line for line in lines)
     return "\n".join(short)
 
 
 def _units(scenes):
-    """Sentence on the units of all numbers of some scenes that name none."""
+    """Sentence on the units of all numbers of some scenes (a sequence of `Scene`) that name none."""
     units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
     sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
     if len(sizes) != 1:
@@ -118,7 +118,10 @@ def left_out(scenes, *, scatter=True):
 
 
 def table_html(columns):
-    """Return a table of columns (n,) by name, without those that are empty or unknown throughout."""
+    """Return an element of HTML: the table of `columns`, a dict of sequences (n,) by name.
+
+    Those that are empty or unknown throughout are left out.
+    """
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
     head = "".join(f"<th>{html.escape(_column_label(name))}</th>" for name in texts)
@@ -133,7 +136,7 @@ def table_html(columns):
 
 
 def _column_label(name):
-    """Return the name of a column as the head of a table, with its unit."""
+    """Return the name of a column, which may end with its unit as in "_m_per_s", as the head of a table."""
     units = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
     ending = next((ending for ending in units if name.endswith(ending)), "")
     words = "time τ" if name == "time" else name.removesuffix(ending).replace("_", " ")
@@ -141,22 +144,26 @@ def _column_label(name):
 
 
 def _text(value):
-    """Value of a table as text; empty where it is not finite."""
+    """Value of a table, a number or a text, as text; empty where it is not finite."""
     if isinstance(value, float):
         return f"{value:.6g}" if np.isfinite(value) else ""
     return str(value)
 
 
 def json_html(name, values):
-    """Return plain values as JSON in HTML; "<" is written so that no text of theirs can end the element."""
+    """Return an element of HTML with the id `name` that holds plain values as JSON.
+
+    "<" is written so that no text of theirs can end the element.
+    """
     text = json.dumps(values, allow_nan=False, ensure_ascii=False).replace("<", "\\u003c")
     return f"<script type='application/json' id='{name}'>{text}</script>"
 
 
 def _film(results):
-    """Return the data of the animation: bins of each result, for each cycle codes 0 to 255 of the root of the density.
+    """Return the data of the animation of some results, of class `SurvivalResult`, as a dict of plain values.
 
-    Codes are on one scale for all results after a cycle, from 0 to the largest density there, "most".
+    For each result and cycle they are codes 0 to 255 of the root of the density in bins. Codes are on one scale for all
+    results after a cycle, from 0 to the largest density there, "most".
     """
     import matplotlib as mpl
 
@@ -195,7 +202,10 @@ def _film(results):
 
 
 def _film_html(film):
-    """Return the elements that the script draws densities into, with the slider of their rows."""
+    """Return the elements, as a text, that the script draws densities into, with the slider of their rows.
+
+    `film` is what `_film` returned.
+    """
     drawings = "".join(
         f"<figure><figcaption>{html.escape(one['name'])}</figcaption>"
         f"<canvas id='film{n}' width='460' height='360' role='img' aria-label=''></canvas>"

@@ -14,7 +14,10 @@ __all__ = ["comparison_table", "probability_table", "result_table", "show", "tex
 
 
 def show(title, table, sentences):
-    """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide."""
+    """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide.
+
+    `table` is of rich, and `sentences` a sequence of text.
+    """
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=100)
@@ -25,7 +28,10 @@ def show(title, table, sentences):
 
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences for survival and overturned probability after each cycle or time."""
+    """Return title, table and closing sentences of a `SurvivalResult`.
+
+    The table has survival and overturned probability after each cycle or time.
+    """
     columns = {result.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in result.row_values]}
     seconds = result.time_s if result.cycles is not None else None
     if seconds is not None:
@@ -48,7 +54,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences for the answer of `fpk_rocking.probability`, row by row."""
+    """Return title, table and closing sentences for a `Probability`, row by row."""
     columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
     if answer.cycles is not None and answer.time_s is not None:
         columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
@@ -64,7 +70,10 @@ def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def _account(result):
-    """Yield the error figures beside that of the verdict, and seed, steps and seconds, as sentences."""
+    """Yield the error figures of a `SurvivalResult` beside that of the verdict, as sentences.
+
+    The last one has seed, steps and seconds.
+    """
     yield from (one.message for one in result.diagnostics if one.value is not None and one.message)
     settings = {} if result.deterministic else {"seed {}": result.metadata.get("seed")}
     if getattr(result, "method", "exact") != "exact":
@@ -106,7 +115,10 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def _compared(comparisons, place, cycle):
-    """Rows of one cycle: the reference, and below it each result held against it."""
+    """Yield the rows of text of one cycle: the reference, and below it each result held against it.
+
+    `comparisons` are of the class `Comparison`, and `place` is the cycle's index among the cycles of joint densities.
+    """
     yield str(cycle), *_survival_cells(comparisons[0], cycle, 1), "", "", ""
     for compared in comparisons:
         yield (
@@ -119,14 +131,15 @@ def _compared(comparisons, place, cycle):
 
 
 def verdict_first(trust, *sentences) -> tuple[str, ...]:
-    """Return the verdict, and below it those sentences that are no reason of it."""
+    """Return the verdict of a `Trust` as text, and below it those sentences that are no reason of it, as a tuple."""
     return str(trust), *(sentence for sentence in sentences if sentence not in trust.reasons)
 
 
 def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
     """Return a table of texts below the names of its columns, with a line between groups of rows.
 
-    Numbers stand to the right, their intervals in the middle, names of results to the left.
+    A row is a sequence of as many texts as names. Numbers stand to the right, their intervals in the middle, names of
+    results to the left.
     """
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     sides = {"result": "left", "95 % interval": "center", "95 %": "center", "± estimate": "center"}
@@ -140,7 +153,7 @@ def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
 
 
 def _sizes(comparisons) -> list[str]:
-    """Sizes of the samples that are compared, as at most one sentence."""
+    """Sizes of the samples in a sequence of `Comparison`, as a list of at most one sentence."""
     sizes = {
         name: size
         for compared in comparisons
@@ -151,7 +164,10 @@ def _sizes(comparisons) -> list[str]:
 
 
 def _melnikov(comparisons) -> str:
-    """Return the figures of the Melnikov process for each noise among the results; empty where they are not defined."""
+    """Sentence with the figures of the Melnikov process for each noise among the results of a sequence of `Comparison`.
+
+    It is empty where they are not defined.
+    """
     first = comparisons[0]
     if first.melnikov_amplitude is None:
         return ""
@@ -171,12 +187,15 @@ def _melnikov(comparisons) -> str:
 
 
 def _survival_cells(compared, cycle, which):
-    """Engine, survival and 95 % interval of one of two compared results after a cycle, as texts."""
+    """Engine, survival and 95 % interval, as texts, of one of the two results of a `Comparison` after a cycle.
+
+    `which` is 0 for the first result, and 1 for the second.
+    """
     limits = compared.interval[cycle, which]
     text = "" if math.isnan(limits[0]) else _limits(limits, 4)
     return compared.names[which], f"{compared.survival[cycle, which]:.4f}", text
 
 
 def _limits(limits, digits) -> str:
-    """Write two limits with some digits."""
+    """Write two limits, a pair of numbers, with some digits (int) behind the point."""
     return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"

@@ -40,7 +40,10 @@ def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
 
 
 def centred_edges(low: float, high: float, count: int) -> Array:
-    """Edges of equal bins that cover an interval, `count` of them as wide as it; 0, where blocks rest, is amid one."""
+    """Edges (n,) of equal bins that cover the interval from `low` to `high`, `count` of them as wide as it.
+
+    0, where blocks rest, is amid a bin.
+    """
     size = (high - low) / count
     return size * (np.arange(math.floor(low / size - 0.5), math.ceil(high / size - 0.5) + 1) + 0.5)
 
@@ -99,7 +102,10 @@ def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> lis
 
 
 def _cut_or_merged(edges, masses, least):
-    """Edges around most of the masses (bins,), cut into at least `least` bins or merged into at most 96."""
+    """Edges (m,) around most of the masses (bins,), cut into at least `least` bins or merged into at most 96.
+
+    `edges` (bins + 1,) are those of the masses.
+    """
     below = np.cumsum(masses) / max(masses.sum(), np.finfo(float).tiny)
     first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
     inner = edges[max(first - 1, 0) : min(last, masses.size - 1) + 3]
@@ -111,6 +117,6 @@ def _cut_or_merged(edges, masses, least):
 
 
 def _edges(bound) -> np.ndarray:
-    """Edges of bins of width 0.1 from -bound to bound, which is rounded up."""
+    """Edges (n,) of bins of width 0.1 from -bound to bound, which is rounded up."""
     half = math.ceil(round(bound * 10, 9))
     return np.arange(-half, half + 1) / 10

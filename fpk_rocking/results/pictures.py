@@ -31,7 +31,7 @@ class PlaneUnits(NamedTuple):
 
 
 def plane_units(scene: Scene) -> PlaneUnits:
-    """Return degrees and degrees a second for a block with dimensions; else nondimensional units."""
+    """Return the `PlaneUnits` of a scene: degrees and degrees/s for a block with dimensions, else nondimensional."""
     size = scene.block.dimensions
     if size is None:
         return PlaneUnits()
@@ -59,13 +59,18 @@ def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
 
 
 def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[Any, Any], None]]:
-    """Return the panels of a result with bins; see `fpk_rocking.results.result.SurvivalResult.plot`."""
+    """Return the panels, as `figure_of` takes them, of a `SurvivalResult` at a cycle (its row).
+
+    `what` is "survival", "bins", "density", or None for the first two; see `SurvivalResult.plot`.
+    """
     units = plane_units(result.scene)
 
     def survival(_, axes):
+        """Draw survival on matplotlib's `axes`."""
         survival_panel(axes, result)
 
     def bins(figure, axes):
+        """Draw the probability in each bin over the bin's area on matplotlib's `axes`, with a colour bar."""
         edges = edges_of([result], [cycle])
         areas = np.multiply.outer(*map(np.diff, edges))
         density = result.bin_probabilities(cycle, *edges) / areas
@@ -73,6 +78,7 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
         axes.set_title(_title(result, cycle))
 
     def density(figure, axes):
+        """Draw the density itself on matplotlib's `axes`, with a colour bar in the figure."""
         edges = edges_of([result], [cycle])
         function_panel(figure, axes, result.at(cycle), edges, "density", units=units)
         axes.set_title(_title(result, cycle))
@@ -82,7 +88,10 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
 
 
 def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
-    """Return the edges of the bins in which results are shown after some cycles; see `shown_edges`."""
+    """Return the edges, angle (n + 1,) and velocity (m + 1,), of the bins in which results are shown after some cycles.
+
+    `results` are of the class `SurvivalResult`, and `cycles` are their rows; see `shown_edges`.
+    """
     coarsest = min(results, key=lambda result: result.shown_bins)
     edges = coarsest.bin_edges
     probabilities = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
@@ -90,7 +99,10 @@ def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
 
 
 def survival_panel(axes: Any, *results: Any) -> None:
-    """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands."""
+    """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands.
+
+    `axes` are matplotlib's; `results` are of the class `SurvivalResult`.
+    """
     for result, colour in zip(results, COLOURS, strict=False):
         survival, label = np.asarray(result.survival), "one path" if result.deterministic else "95 % interval"
         interval = result.survival_interval()
@@ -114,7 +126,12 @@ def plane_panel(
     power: float = 0.5,
     units: PlaneUnits | None = None,
 ) -> None:
-    """Draw a density (n, m) over cells of the plane between edges (n + 1,), (m + 1,); root 0.5 shows the low parts."""
+    """Draw a density (n, m) over cells of the plane, with a colour bar named `name` in the figure.
+
+    `edges` of the cells are (n + 1,) in angle and (m + 1,) in velocity, and `values` (n, m) per unit of both, all
+    nondimensional; `units` are what the axes show. Colours follow the values to the `power`: the root, 0.5, shows low
+    parts.
+    """
     from matplotlib.colors import PowerNorm
 
     units = units or PlaneUnits()
@@ -135,12 +152,15 @@ def function_panel(
     power: float = 0.5,
     units: PlaneUnits | None = None,
 ) -> None:
-    """Draw a function of angle and velocity on a lattice between the outer edges."""
+    """Draw a function of angle and velocity on a lattice between the outer `edges`, two ascending arrays.
+
+    `function` takes two arrays of one shape and returns values of that shape; the others are as of `plane_panel`.
+    """
     fine = [np.linspace(line[0], line[-1], 161) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
     plane_panel(figure, axes, fine, values, name, power, units)
 
 
 def _title(result, cycle):
-    """Time of a row and survival then, as a title of a panel."""
+    """Time of a row of a `SurvivalResult` and survival then, as a title of a panel; `cycle` is the row."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"

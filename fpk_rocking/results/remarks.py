@@ -64,7 +64,7 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
 
 
 def describe_replacement(scene: Scene, solved: Scene) -> str:
-    """Say which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
+    """Sentence on which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
     noise = scene.noise
     if noise.kind != "band" or noise == solved.noise:
         return ""
@@ -111,7 +111,8 @@ def remarks(*results: Any) -> tuple[str, ...]:
 def cautions(*results: Any) -> tuple[str, ...]:
     """Return the sentences, each once, that speak against some results: the reasons of verdicts that are not "ok".
 
-    A picture has room for these alone; the `remarks` stand in tables and files.
+    `results` are of the class `Result`, with an engine. A picture has room for these alone; the `remarks` stand in
+    tables and files.
     """
     sentences = (
         f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons
@@ -120,7 +121,7 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
 
 def scene_remarks(result: Any) -> tuple[str, ...]:
-    """Sentences about the scene of a result: on noise, sliding, what replaced the noise, a corrected baseline."""
+    """Sentences about the scene of a `Result`: on noise, sliding, what replaced the noise, a corrected baseline."""
     scene = result.scene
     of = scene.noise.remark, _sliding(scene.block), getattr(result, "noise_replacement", "")
     return tuple(filter(None, (*of, baseline_remark([scene.forcing]))))
@@ -164,7 +165,7 @@ def baseline_remark(forcings: Iterable[Forcing]) -> str:
 
 
 def _correction(record):
-    """Name the correction of a record's baseline."""
+    """Name the correction of a `Record`'s baseline, with the corner of a filter in Hz."""
     return f"high-pass, {record.corner_hz:.3g} Hz" if record.baseline == "high-pass" else record.baseline
 
 
@@ -175,7 +176,10 @@ def _line_of(drift):
 
 
 def drifting(forcing: Forcing) -> list[Diagnostic]:
-    """Diagnostic in a list of a record whose velocity is that of a drift of its baseline; else an empty list."""
+    """List with the `Diagnostic` of a record whose velocity is that of a drift of its baseline; else an empty list.
+
+    `forcing` may be of any kind; no other than a record drifts.
+    """
     if not isinstance(forcing, Record) or not forcing.drifts:
         return []
     drift = forcing.drift
@@ -214,7 +218,7 @@ def scene_diagnostics(
 
 
 def _sliding(block):
-    """Return with which friction a block slides before it rocks, as a sentence; empty where its size is unknown."""
+    """Return with which friction a `Block` slides before it rocks, as a sentence; empty where its size is unknown."""
     least = block.least_friction
     if least is None:
         return ""
@@ -225,7 +229,10 @@ def _sliding(block):
 
 
 def _slender(block):
-    """Diagnostic of a block that is taken as slender in spite of its dimensions: by how much its moments are wrong."""
+    """List with the `Diagnostic` of a `Block` that is taken as slender in spite of its dimensions; else an empty list.
+
+    It says by how much the moments about the corner are wrong.
+    """
     if not block.slender or block.dimensions is None:
         return []
     size = block.dimensions

@@ -153,5 +153,5 @@ def check_remarks(density: Any) -> Iterator[str]:
 
 
 def _probabilities(result):
-    """Survival, overturned to the left and to the right as columns (rows, 3)."""
+    """Survival, overturned to the left and to the right of a `SurvivalResult` as columns (rows, 3)."""
     return np.column_stack([result.survival, result.overturned])

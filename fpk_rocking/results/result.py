@@ -240,7 +240,7 @@ class Result:
 
 
 def _optional(name):
-    """Import pandas or xarray, or say how to install it."""
+    """Import pandas or xarray, by `name`, and return the module, or say how to install it."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -251,11 +251,14 @@ def _optional(name):
 
 
 def _pair(name, variable):
-    """Return dimensions and values of a variable, or of the coordinate of a dimension of that name."""
+    """Return the pair (dimensions, values) of a variable, which is such a pair, or the values of a coordinate.
+
+    A coordinate has one dimension, of its own name; dimensions are returned as a tuple of names.
+    """
     dims, values = variable if isinstance(variable, tuple) else (name, variable)
     return ((dims,) if isinstance(dims, str) else dims), values
 
 
 def _computed(values):
-    """Array of a variable, which is given as such or as a function that computes it."""
+    """Array of a variable, whose values are an array or a function without arguments that computes it."""
     return values() if callable(values) else values

@@ -46,12 +46,12 @@ def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.
 
 
 def l1(first: ArrayLike, second: ArrayLike) -> float:
-    """Sum of absolute differences of two arrays of bin probabilities, between 0 and 2."""
+    """Sum of absolute differences of two arrays (...) of bin probabilities, between 0 and 2."""
     return float(np.abs(np.asarray(first) - np.asarray(second)).sum())
 
 
 def hellinger(first: Array, second: Array) -> float:
-    """Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of bin probabilities, between 0 and 1.
+    """Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of arrays (...) of bin probabilities, from 0 to 1.
 
     A negative bin, the undershoot of a density, counts as zero here; `l1` takes it as it is.
     """
@@ -132,14 +132,17 @@ def hellinger_floor(probabilities: ArrayLike, first_size: float, second_size: fl
 
 
 def _mean_root(p, size) -> np.ndarray:
-    """E sqrt(count/size) in bins of probability p."""
+    """E sqrt(count/size) (n,) in bins of probability p (n,), for a sample size, which may be ``math.inf``."""
     if math.isinf(size):
         return np.sqrt(p)
     return np.sqrt(p) - (1.0 - p) * _root_deficit(p * size) / math.sqrt(size)
 
 
 def _root_deficit(mean) -> np.ndarray:
-    """sqrt(mean) - E sqrt(count) of Poisson counts: summed up to a mean of 30, its asymptotic series above."""
+    """sqrt(mean) - E sqrt(count) (n,) of Poisson counts with the means `mean` (n,).
+
+    It is summed up to a mean of 30, and follows from its asymptotic series above.
+    """
     from scipy.special import gammaln
 
     series_from = 30.0  # the counts up to 159 hold all but 1e-60 of a Poisson distribution of this mean

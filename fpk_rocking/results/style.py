@@ -77,12 +77,15 @@ def page(path: File, size: tuple[float, float], title: str, notes: Iterable[str]
 
 
 def title_size(title: str, width: float) -> float:
-    """Return the size of print, in points, at which a title fits on a line of some width in inches."""
+    """Return the size of print, in points, at which a title fits on a line of a width in inches."""
     return min(15.0, 122.0 * width / max(len(title), 1))  # 122: points times letters an inch
 
 
 def shades(count: int) -> list[str]:
-    """Return colours for `count` values in ascending order, dark to light, each legible as a line on white."""
+    """Return a list of `count` colours for values in ascending order, dark to light, each legible as a line on white.
+
+    A colour is a text "#rrggbb".
+    """
     import matplotlib as mpl
 
     steps = range(count)
@@ -140,7 +143,10 @@ def error_bars(axes: Any, x: ArrayLike, values: ArrayLike, interval: ArrayLike, 
 
 
 def save(figure: Any, path: File) -> pathlib.Path:
-    """Write a figure whole or not at all, its title with it; the suffix of the path chooses the format."""
+    """Write matplotlib's figure complete or not at all, its title with it; return the path.
+
+    The suffix of the path chooses the format.
+    """
     with replaced_atomically(path) as temporary:
         figure.savefig(temporary, metadata={"Title": figure.get_suptitle()})
     return pathlib.Path(path)

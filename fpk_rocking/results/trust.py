@@ -161,13 +161,17 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
 
 
 def _beside(value, limit):
-    """Value as text, with the two to six digits that distinguish it from a limit."""
+    """Value as text, with the two to six digits that distinguish it from a limit; both are floats."""
     texts = (f"{value:.{digits}g}" for digits in range(2, 7))
     return next((text for text in texts if float(text) != limit), f"{value:.2g}")
 
 
 def _limits(tol, bins_tol, values=()):
-    """Return description, limit of "ok" and limit of "caution" of each error figure, by its name."""
+    """Return description, limit of "ok" and limit of "caution" of each error figure, by its name.
+
+    `tol` and `bins_tol` are the wanted errors of survival and of the binned density, `values` the figures that there
+    are.
+    """
     useless, never = max(USELESS, tol), (math.inf, math.inf)
     below = "integral of the density where it is below 0"
     # Mass at rest rattles below the mesh and may be negative there; a solver that knows the rest is judged by that.
