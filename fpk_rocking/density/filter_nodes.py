@@ -237,7 +237,7 @@ class FilteredDiscretization(NamedTuple):
 
 
 def filtered_discretization(scene, plane, number):
-    """Nodes and steps for a scene with filtered noise: a `FilteredDiscretization`.
+    """Return the `FilteredDiscretization`, mesh, nodes and steps, of a scene with filtered noise.
 
     `plane` is the `Discretization` of angle and velocity, `number` that of the resolution in `RESOLUTIONS`.
     """

@@ -171,6 +171,7 @@ class FilteredPropagator(CyclicPropagator):
         """Density, outflow (3,) and masses at rest of a `PeriodicState` after step k of the symmetry period.
 
         Mass is exchanged between nodes over half of the step before and half of step k, and then step k is taken.
+        Density (nodes in y1, nodes in y2, ``space.shape``) and masses (nodes in y1, nodes in y2) are new arrays.
         """
         before = 0.0 if state.first else self.durations[k - 1]
         matrix = self._transition(0.5 * (self.durations[k] + before))
@@ -225,7 +226,10 @@ class FilteredPropagator(CyclicPropagator):
                     step.activate(grown)
 
     def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Density over all nodes, outflow and mass at rest of a state, reflected back where it is the mirror image."""
+        """Density, outflow and mass at rest of a `PeriodicState`, summed over all nodes.
+
+        They are reflected back where it is the mirror image.
+        """
         marginal = state.density.sum(axis=(0, 1))
         return Snapshot(
             reflected(marginal) if state.reflected else marginal, state.outflow, not_none(state.at_rest).sum()

@@ -93,7 +93,7 @@ def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
 
 
 def refuse_broken(result: Evolution) -> None:
-    """Raise FloatingPointError where a result has something that is not a finite number."""
+    """Raise FloatingPointError where an `Evolution` has something that is not a finite number."""
     parts = (
         "survival",
         "overturned",

@@ -39,7 +39,10 @@ def patch_of(settings, mean, covariance, cutoff, box=None):
 
 
 def _within(lines, cutoff):
-    """Mesh lines (n,) of equal cells, cut at ± the cut-off; a remainder below a tenth of a cell joins its neighbour."""
+    """Mesh lines (n,) of equal cells, cut at ± the cut-off, an angle.
+
+    A remainder below a tenth of a cell joins its neighbour.
+    """
     first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
     inner = lines[(lines > first + thin) & (lines < last - thin)]
     return np.concatenate([[first], inner, [last]])

@@ -177,5 +177,5 @@ class PeriodicPropagator(CyclicPropagator):
         return *step.apply(state.density), None
 
     def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Density and outflow of a state, reflected back where it is the mirror image."""
+        """Density and outflow of a `PeriodicState`, reflected back where it is the mirror image."""
         return Snapshot(reflected(state.density) if state.reflected else state.density, state.outflow)

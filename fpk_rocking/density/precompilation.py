@@ -53,6 +53,6 @@ def filtered_exact():
 
 
 def _carry_from_rest(scene):
-    """Compile the kernel that carries a block at rest through a step of a scene with white noise."""
+    """Compile the kernel that carries a block at rest through a step, for a scene with white noise."""
     dynamics = Dynamics.of(scene)
     advance_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

@@ -121,12 +121,12 @@ class Propagator(abc.ABC):
 
     @abc.abstractmethod
     def snapshot(self, state: Any) -> Snapshot:
-        """Coefficients of the density of a state, its outflow and its mass at rest, as a `Snapshot`."""
+        """`Snapshot` of a state: coefficients of its density, its outflow and its mass at rest."""
 
     def states(self, times: Array, start: Start) -> Iterator[Any]:
         """Yield the first state that the mesh resolves and the state after every step, to the last of the times.
 
-        `times` (rows,) are those of the results, from 0 on.
+        `times` (rows,) are those of the results, from 0 on; `start` is where the block begins, of a scene.
         """
         state = self.initial_state(start, times)
         yield state
@@ -170,5 +170,5 @@ class Propagator(abc.ABC):
 
 
 def _reached(state, time):
-    """Whether a state is at a `time` or after it, to rounding."""
+    """Whether a state is at a `time` or after it, to rounding; its class is that of a propagator."""
     return state.time >= time * (1.0 - 1e-12)

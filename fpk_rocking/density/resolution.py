@@ -119,7 +119,7 @@ def _exploratory_step(dynamics, start, duration):
 
 
 def _normal_pairs(random):
-    """Draw normal numbers (paths, 2) from a NumPy generator, in pairs of either sign.
+    """Draw normal numbers (paths, 2) from `random`, a NumPy generator, in pairs of either sign.
 
     So the mirror image of a scene has mirrored paths.
     """

@@ -114,11 +114,11 @@ def solve_fpk(
     announce(solved, meshes[:SOLUTIONS], times, tol)
 
     def solve(mesh, coarser):
-        """Solve on one mesh, after the level before, if any; return its `Level`."""
+        """Solve on one mesh, a discretization, after the coarser `Level`, if any; return its `Level`."""
         return _solve_level(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
 
     def fits(level, mesh):
-        """Whether a finer mesh than that of a level takes little enough memory; it is then announced."""
+        """Whether a discretization finer than that of a `Level` takes little enough memory; it is then announced."""
         before = level.solution[0].discretization
         needed = level.memory * mesh.memory / before.memory + mesh.stored(advances)
         if needed > (TUNING.finer_filtered if filtered else TUNING.finer_white):

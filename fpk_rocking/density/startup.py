@@ -114,7 +114,7 @@ class StartUp:
         return float(now.patch.bin_integrals(now.coefficients[None], [-angle, angle], [-velocity, velocity]).sum())
 
     def undisturbed(self, gaussian):
-        """Whether a Gaussian is on the side of the start, and keeps away from x = 0 and the cut-off."""
+        """Whether a `Gaussian` is on the side of the start, and keeps away from x = 0 and the cut-off."""
         reach = self.settings.reach * math.sqrt(gaussian.covariance[0, 0])
         return reach < self._side * gaussian.mean[0] < self.dynamics.cutoff - reach
 
@@ -274,7 +274,10 @@ def takeover_step(startup: StartUp, space: Space, edges, settled=None):
 
 
 def _drift_time(dynamics: Dynamics):
-    """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner.
+
+    D and the force f, at τ = 0, are those of the `Dynamics`; nondimensional, at most 1.
+    """
     dynamics = dynamics.averaged_over(0.0, 1e-9)
     drift = abs(abs(dynamics.forcing.value(0.0)) - dynamics.lift_off)
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf

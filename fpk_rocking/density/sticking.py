@@ -74,7 +74,10 @@ class Sticking:
         return np.sqrt(speeds)
 
     def _until_lift_off(self, rate):
-        """Integral of a rate (n,) from the end of each interval to the next lift-off; inf where there is none."""
+        """Integral (n,) of a rate (n,), per time in each interval, from its end to the next lift-off.
+
+        It is inf where there is none.
+        """
         integral, total = np.empty(len(rate)), math.inf
         for k in range(len(rate) - 1, -1, -1):
             total = 0.0 if self._lifting[k] else total
@@ -126,13 +129,16 @@ class Sticking:
 
 
 def cells_at_origin(space: Space) -> Array:
-    """Mark the cells (angle cells, velocity cells) of a mesh that touch the origin."""
+    """Mark the cells (angle cells, velocity cells) of the mesh of a `Space` that touch the origin."""
     angle, velocity = ((lines[:-1] <= 0.0) & (lines[1:] >= 0.0) for lines in space.lines)
     return np.outer(angle, velocity)
 
 
 def density_at_rest(space: Space) -> Array:
-    """Coefficients of a density of mass 1 that is even over the cells at the origin, for a block at rest."""
+    """Coefficients (``space.shape``) of a density of mass 1 that is even over the cells at the origin.
+
+    It stands for a block at rest.
+    """
     cells, coefficients = cells_at_origin(space), np.zeros(space.shape)
     coefficients[cells, 0, 0] = 1.0 / (cells.sum() * space.areas[cells])
     return coefficients

@@ -136,9 +136,10 @@ class TransientPropagator(Propagator):
         return state
 
     def advance(self, state: TransientState, latest: float) -> TransientState:
-        """Return a state after one step, or after two at once up to a time `latest`, itself changed.
+        """Return a `TransientState`, changed in place, after one step, or after two at once.
 
-        The re-injections that the mesh then resolves are on it.
+        It is not later than `latest`, a time at which a step ends, and has the re-injections that the mesh then
+        resolves.
         """
         edges, time = state.edges, state.time
         pair = 2 if self._steps_may_be_long and edges[1] < latest else 1
@@ -163,7 +164,10 @@ class TransientPropagator(Propagator):
         return state
 
     def snapshot(self, state: TransientState) -> Snapshot:
-        """Density and outflow of all parts of a state together; resolved where all is on the mesh and noise acts."""
+        """`Snapshot` of all parts of a `TransientState` together: coefficients of the density, outflow.
+
+        It is resolved where all is on the mesh and noise acts.
+        """
         coefficients, outflow = state.density + state.sticking * density_at_rest(self.space), state.outflow
         for injection in state.injections:
             more, left = injection.at(state.time, self.space)

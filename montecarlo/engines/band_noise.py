@@ -76,7 +76,7 @@ class Samples(NamedTuple):
 
 @kernel
 def allocate_samples(harmonics):
-    """Allocate `Samples` for a number of harmonics."""
+    """Allocate `Samples` for a number of harmonics, which are not drawn yet."""
     return Samples(band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK))
 
 

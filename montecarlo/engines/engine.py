@@ -26,9 +26,9 @@ from montecarlo.tuning import TUNING
 
 @kernel(inline="always")
 def angle_and_velocity(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Angle and velocity (a tuple) at an interval's end, where the engine's `state` is just that.
+    """Angle and velocity (a tuple) at an interval's end, where the engine's `state` there is just that.
 
-    The other arguments are those of `Engine.state_at_end`, and are not used.
+    The other arguments, those of `Engine.state_at_end`, are not used.
     """
     return state
 

@@ -182,7 +182,7 @@ class NoiseWorkspace(NamedTuple):
 
 @kernel
 def allocate_noise(tables):
-    """Allocate a `NoiseWorkspace` for `NoiseTables`."""
+    """Allocate a `NoiseWorkspace` of the sizes of `tables`, `NoiseTables`."""
     n, terms = tables.stationary.shape[0], tables.powers.shape[0]
     return NoiseWorkspace(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS))
 

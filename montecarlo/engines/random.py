@@ -37,7 +37,7 @@ _ENDS, _INSIDE = _ziggurat()
 
 @kernel
 def hash_word(word):
-    """Return a hash of a uint64 (the finalizer of splitmix64, a bijection)."""
+    """Return a hash of a `word`, both uint64 (the finalizer of splitmix64, a bijection)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
@@ -77,7 +77,7 @@ def open_stream(keys, realization):
 
 @kernel(inline="always")
 def _advance_generator(s0, s1, s2, s3):
-    """One step of the generator from its state of four uint64: 64 random bits and the next state."""
+    """One step of the generator from its state s0 to s3, uint64: 64 random bits and the next state, a tuple of five."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     s2 ^= s0

@@ -202,9 +202,10 @@ def _bin_of(edges, value):
 
 
 def moments(counts: Counts) -> tuple[Array, Array]:
-    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks after each cycle, nan where none stands.
+    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks of `Counts`, nan where none stands.
 
-    They are those of the rounded states, right to the last digit whatever cancels: Python's integers have no end.
+    They are nondimensional, of angle and velocity after each cycle, and those of the rounded states, right to the last
+    digit whatever cancels: Python's integers have no end.
     """
     mean = np.full(counts.sums.shape, math.nan)
     covariance = np.full((*counts.sums.shape, 2), math.nan)

@@ -185,7 +185,10 @@ class Space:
 
 
 def reflected(coefficients):
-    """Return densities (..., *space.shape) reflected, (x, v) -> (-x, -v), on a mesh that is symmetric about 0."""
+    """Return densities (..., *space.shape), by their coefficients, reflected: (x, v) -> (-x, -v).
+
+    Their mesh is symmetric about 0.
+    """
     signs = (-1.0) ** np.arange(coefficients.shape[-1])
     return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
 
@@ -245,7 +248,7 @@ def legendre_element(degree):
         doflocs = np.full(((degree + 1) ** 2, 2), 0.5)
 
         def lbasis(self, X, i):
-            """Value and gradient of shape function i at reference points X (2, ...).
+            """Value (...) and gradient (2, ...) of shape function i at reference points X (2, ...).
 
             On a tensor mesh the first reference axis is the velocity.
             """

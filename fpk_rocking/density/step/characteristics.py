@@ -138,7 +138,10 @@ def _advance_exact_block(x, v, side, segment, end, slow, block):
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, segment, end, slow, block):
-    """Call `_advance_exact_block`, which is too long to be inlined itself."""
+    """Call `_advance_exact_block`, which is too long to be inlined itself, with the same arguments.
+
+    It returns angle, velocity, side and time at the `end` of the path from (x, v) at t = 0 of the `Segment`.
+    """
     return _advance_exact_block(x, v, side, segment, end, slow, block)
 
 
@@ -199,8 +202,9 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
 def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
     """Write the ends of the nodes of a point (x, v) next to x = 0 or the cut-off; see `trace_point`.
 
-    `undisturbed` is the angle and the time of the end of the path without noise, and its side. `scratch` (4, TERMS) is
-    overwritten. `segment` is the forcing over the step; for `noise`, `ends`, `flags` see there.
+    `undisturbed` is the angle and the time of the end of the path without noise, and its side. `segment` is the forcing
+    over the step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written, `scratch` (4, TERMS) is
+    overwritten.
     """
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
@@ -221,7 +225,7 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
 def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
     """Return unit 1, block and particular solution (TERMS,) of a slender block: its own.
 
-    Arguments are those of `_contact_equivalent_exact`; `out` is not written to.
+    The solution is that of the `Segment`; other arguments are for exact blocks, and are not used.
     """
     return 1.0, block, segment.particular
 
@@ -269,8 +273,8 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
     """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the begin and at the end.
 
     A kick is a node times `half`, sqrt(D duration), and the flight between is without noise. The last kick sets a block
-    off from rest unless it `rests`. Nodes of the same first kick follow each other. For `ends`, `flags` see
-    `trace_point`. `segment` is the forcing over the step.
+    off from rest unless it `rests`. Nodes of the same first kick follow each other. `segment` is the forcing over the
+    step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written.
     """
     nodes, duration = noise.nodes, noise.duration
     xn, vn, sn, part = x, v, side, force_factor(side * x, block)
@@ -309,8 +313,8 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
     """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact.
 
     `undisturbed` is the impact's time, velocity and side before it, and whether it is so fast that what noise changes
-    is smooth: then one expansion serves all nodes that arrive within the step. `scratch` (4, TERMS) is overwritten; for
-    `ends` and `flags` see `trace_point`. `segment` is the forcing over the step.
+    is smooth: then one expansion serves all nodes that arrive within the step. `segment` is the forcing over the step,
+    `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written, `scratch` (4, TERMS) is overwritten.
     """
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff

@@ -325,7 +325,7 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
     """Add to `moved` the values of a function on row r before a shear of the angle.
 
     Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
-    passed the cut-off to the left and to the right. Other arguments are those of `_shear_angle_row`.
+    passed the cut-off to the left and to the right. `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
@@ -340,9 +340,11 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
 @kernel
 def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
-    """Write row r (side, velocity cell) after the first shear of the angle, see `first_angle_shear`.
+    """Write to `out` row r (side, velocity cell) after the first shear of the angle.
 
-    All other arguments are those of that kernel.
+    `coefficients` (the space's shape) are those before it in the cells of the mask `free`. `out`: values (angle cells,
+    velocity cells, modes, modes); `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. Masses past the
+    cut-off are added to `overturned` (2, velocity cells).
     """
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
@@ -360,7 +362,7 @@ def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out,
 
     It does so for places `begin` to `stop` in the order of `AngleRows`, from `coefficients` (the space's shape) before
     it in the cells of the mask `free`. Masses that passed the cut-off, which do not return, are added to `overturned`
-    (2, velocity cells). `tables`: `LineTables`; `basis`, a tuple (modes,), tells the compiler the number of modes.
+    (2, velocity cells). `remap`: `Remap`; `tables`: `LineTables`; `basis` (modes,) tells the compiler the modes.
     """
     rows, coefficients, free, remap, tables, out, overturned = borrowed(
         (rows, coefficients, free, remap, tables, out, overturned)
@@ -374,9 +376,9 @@ def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out,
 def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, exit_values, out, basis):
     """Write to `out` the coefficients of a function in the free cells, by values after the first shear.
 
-    Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `exit_values` (2,) are those of having passed
-    the cut-off to the left and to the right. It does so for places `begin` to `stop` in the order of the rows; other
-    arguments are those of `first_angle_shear`.
+    Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `free` is the mask of the cells and
+    `exit_values` (2,) are those of having passed the cut-off to the left and to the right. It does so for places
+    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
     """
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
@@ -396,9 +398,10 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 
 @kernel
 def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
-    """Write row c after shear and diffusion of the velocity, see `velocity_shear`; return the truncated mass.
+    """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass.
 
-    `values` (velocity cells, modes, modes) are those of the row before. All other arguments are those of that kernel.
+    `values` (velocity cells, modes, modes) are those of the row before, `out` is that of `velocity_shear`. `rows`:
+    `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`.
     """
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
@@ -418,9 +421,10 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
 def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
     """Write values after the shear and diffusion of the velocity to `out`, with the axes of the cells exchanged.
 
-    It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values`: those
-    of `first_angle_shear`; both remaps: `Remap`. The masses that passed the velocity bound are written to `truncated`
-    (angle cells,). `tables`: `LineTables`; `basis`, a tuple (modes,), tells the compiler the number of modes.
+    It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values` (angle
+    cells, velocity cells, modes, modes) are those of `first_angle_shear`; both remaps: `Remap`; `tables`: `LineTables`.
+    The masses that passed the velocity bound are written to `truncated` (angle cells,). `basis` (modes,) tells the
+    compiler the modes.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
@@ -434,8 +438,9 @@ def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, t
 def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
     """Write to `out` the values of a function before shear and diffusion of the velocity.
 
-    Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of the rows: `values` are those after, and
-    `exit_value` is that of having passed the velocity bound. Other arguments are those of that kernel.
+    Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of `VelocityRows`: `values` (velocity cells,
+    angle cells, modes, modes) are those after, and `exit_value` is that of having passed the velocity bound. Both
+    remaps: `Remap`; `tables`: `LineTables`.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
@@ -457,9 +462,10 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
 
 @kernel
 def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
-    """Add coefficients of row r (side, velocity cell), sheared from values at Gauss points; see `last_angle_shear`.
+    """Add to `out`, coefficients in the space's shape, those of row r (side, velocity cell) after the last shear.
 
-    All other arguments are those of that kernel.
+    `values` (velocity cells, angle cells, modes, modes) are those before it at Gauss points. `rows`: `AngleRows`;
+    `remap`: `Remap`; `tables`: `LineTables`. Masses past the cut-off are added to `overturned` (2, velocity cells).
     """
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
@@ -477,8 +483,8 @@ def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, 
     """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells).
 
     It does so for places `begin` to `stop` in the order of `AngleRows`; `values` (velocity cells, angle cells, modes,
-    modes) are those of `velocity_shear`. `tables`: `LineTables`; `basis`, a tuple (modes,), tells the compiler the
-    number of modes.
+    modes) are those of `velocity_shear`. `remap`: `Remap`; `tables`: `LineTables`; `basis` (modes,) tells the compiler
+    the modes.
     """
     rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
     for n in range(begin, stop):
@@ -491,8 +497,8 @@ def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_va
     """Write to `out` the values of a function before the last shear by coefficients after it.
 
     Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` has the space's
-    shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right. Other arguments are
-    those of that kernel.
+    shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right. `remap`: `Remap`;
+    `tables`: `LineTables`.
     """
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)

@@ -142,9 +142,11 @@ def cells_in_interval(lines, bounds, low, high):
 
 @kernel
 def target_range(lines, bounds, shifts, spreads, nodes, source):
-    """Return ranges (rows, 2) of the cells that the `source` ranges of a remap reach.
+    """Return ranges (rows, 2), first cell and one past the last, of the cells that a remap's sources reach.
 
-    Arguments are those of `prepare_remap`; one row of `shifts` and `spreads` may serve all.
+    `lines` (cells + 1,) are mesh lines, `bounds` and `source` (rows, 2) ranges of cells of a row and of the active ones
+    in it, `shifts` and `spreads` (rows, lines), or (1, lines) for all rows, how far lines move and are diffused per
+    node, and `nodes` (n,) ascending those of the diffusion.
     """
     target = np.zeros((len(source), 2), np.int64)
     for r in range(len(source)):
@@ -161,8 +163,9 @@ def target_range(lines, bounds, shifts, spreads, nodes, source):
 def source_cells(lines, shifts, spreads, nodes, source, target, origin):
     """Return the first source cell and the number of source cells, (target cells, lines), of every target cell.
 
-    `target` (rows, 2) are the ranges of target cells, `origin` (rows,) is that of `Remap`; for the rest see
-    `prepare_remap`.
+    `lines` (cells + 1,) are mesh lines, `source` and `target` (rows, 2) ranges of cells, `shifts` and `spreads` (rows,
+    lines) how far lines move and are diffused per node, `nodes` (n,) ascending those of the diffusion, and `origin`
+    (rows,) that of `Remap`.
     """
     cells = (target[:, 1] - target[:, 0]).sum()
     first = np.zeros((cells, shifts.shape[1]), np.int64)
@@ -181,7 +184,8 @@ def source_cells(lines, shifts, spreads, nodes, source, target, origin):
 def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
     """Return `Remap.end_places`: numbers (rows, 2) of the ends that the source ranges pass, -1 for the others.
 
-    Arguments are those of `prepare_remap`.
+    `lines` (cells + 1,) are mesh lines, `bounds` and `source` (rows, 2) ranges of cells of a row and of the active ones
+    in it, `shifts` and `spreads` (rows, lines) how far lines move and are diffused per node, `nodes` (n,) ascending.
     """
     places = np.full((len(source), 2), -1, np.int64)
     number = 0
@@ -232,9 +236,9 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 @kernel
 def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
-    """Add integrals of row r to `blocks` and `end_masses` of a `Remap`; other arguments are those of `prepare_remap`.
+    """Add integrals of row r to `blocks` and `end_masses` of a `Remap`, see `fill_blocks` for the arguments.
 
-    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1].
+    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]; `bounds` and `source` (rows, 2) are ranges of cells.
     """
     origin, first, start, blocks = remap.origin, remap.first, remap.start, remap.blocks
     places, masses = remap.end_places, remap.end_masses
@@ -271,8 +275,10 @@ def fill_blocks(
 ):
     """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a `Remap`.
 
-    It does so for the rows from `begin` to `end`. `points`, `point_weights` are a Gauss-Legendre rule on [0, 1];
-    `basis`, a tuple (modes,), tells the compiler the number of modes; other arguments are those of `prepare_remap`.
+    It does so for the rows from `begin` to `end`, with `lines` (cells + 1,), `bounds` and `source` (rows, 2) ranges of
+    cells, `shifts` and `spreads` (rows, lines) as in `prepare_remap`, `nodes` and `weights` (n,) of the diffusion.
+    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]; `basis`, a tuple (modes,), tells the compiler the
+    number of modes.
     """
     lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap = borrowed(
         (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap)
@@ -349,7 +355,8 @@ def remap_row(r, values, source, target, remap, moved, basis):
 def adjoint_remap_row(r, values, source, target, remap, moved, basis):
     """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r.
 
-    It is the adjoint of `remap_row`, and has its arguments.
+    It is the adjoint of `remap_row`. `source`, `target`: first cell of each and the one after the last; `remap`: a
+    `Remap`.
     """
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
@@ -393,7 +400,8 @@ def mass_past_end(r, end, values, source, remap, masses):
 def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
     """Add to `moved` (cells, lines, modes) what passes an end of row r times `exit_values` (lines,).
 
-    It is the adjoint of `mass_past_end`, and has its arguments.
+    It is the adjoint of `mass_past_end`. `end`: 0 or 1 for the lower or the upper one; `source`: first active cell and
+    the one after the last; `remap`: a `Remap`.
     """
     place = remap.end_places[min(r, len(remap.end_places) - 1), end]
     if place < 0:
@@ -423,7 +431,9 @@ def clamp_to_end(end, masses, target, edges, sizes, moved):
 def adjoint_clamp_to_end(end, values, target, edges, sizes, end_values):
     """Write to `end_values` (lines,) those of a function at an end of a row, from `values` of its cells.
 
-    It is the adjoint of `clamp_to_end`, and has its arguments; `values` (cells, lines, modes).
+    It is the adjoint of `clamp_to_end`. `end`: 0 or 1; `values` (cells, lines, modes); `target`: the row's first cell
+    and the one after the last; `edges` (2, modes): what a mass at an end of a cell adds to its values; `sizes`
+    (cells,).
     """
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(end_values)):

@@ -149,10 +149,11 @@ def _scatter_chunk(
     source_basis,
     basis,
 ):
-    """Scatter the source columns of one chunk to its buffer, see `scatter`; both outputs are overwritten.
+    """Scatter the density `source` (its space's shape) in the columns of one chunk to the chunk's buffer.
 
-    `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`. All other
-    arguments are those of `scatter`.
+    `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`, the last
+    two overwritten. `cells`: `SourceCells`; `points`: `GaussPoints`; `targets`: `Targets` of the traced cells;
+    `affine`: `AffinePaths` of the others; both searches: `CellSearch` of the target mesh.
     """
     across = len(velocity_search.scales)
     absorbed[:] = 0.0
