@@ -134,6 +134,7 @@ class _Parser(argparse.ArgumentParser):
     """Refuses bad input in one line, as the rest of the command line does."""
 
     def error(self, message):
+        """Exit with status 2 and a message (text) in one line."""
         self.exit(2, f"{self.prog}: {console.line(message)}\n")
 
 
@@ -194,6 +195,11 @@ def _parser() -> argparse.ArgumentParser:
     commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), _arguments()
 
     def command(name, run, does, more="", options="", files=""):
+        """Add the subparser of the command `name`, which calls `run` with the parsed options.
+
+        `does` and `more` are its description, `options` the names of its arguments in `_OPTIONS`, parted by blanks, and
+        `files` what stands in the help of --out.
+        """
         added = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {more}")
         for option in options.split():
             own = {"help": f"{arguments[option]['help']}: {files}"} if option == "--out" else {}

@@ -155,7 +155,10 @@ class Comparison(Result):
         return "Neither result is in doubt. {1}, within the {2}.".format(*self._difference())
 
     def _difference(self):
-        """How far the largest difference is beyond what the stated errors allow, and both as texts."""
+        """How far the largest difference of survival is beyond what the stated errors allow, and both as texts.
+
+        A tuple of the excess (float), a text of the difference and one of what is accepted.
+        """
         stated = float(np.nansum(self.error_estimate))
         apart, accepted = np.abs(self.difference), _DEVIATIONS * self.standard_error + stated
         # Where most of what is accepted is used up: both may be 0, as at the start.
@@ -211,9 +214,11 @@ class Comparison(Result):
         times = self.results[0].row_values[: self.cycles.size]
 
         def survival(_, axes):
+            """Draw survival of both results on matplotlib's `axes`."""
             survival_panel(axes, *self.results)
 
         def difference(_, axes):
+            """Draw the difference of survival, with 95 % intervals, on matplotlib's `axes`."""
             axes.axhline(0.0, color="black", linewidth=0.8)
             axes.errorbar(times, self.difference, 1.96 * self.standard_error, marker="o", markersize=3.0)
             axes.set(xlabel=self.results[0].row_label, ylabel="first less second, 95 % interval")
@@ -302,12 +307,12 @@ def _sample_size(result: SurvivalResult) -> int | None:
 
 
 def shown_cycles(cycles: int) -> list[int]:
-    """Return the cycles up to a last one that tables and files show unless others are asked for."""
+    """Return the cycles, up to the last one, `cycles`, that tables and files show unless others are asked for."""
     return sorted({*(cycle for cycle in (1, 2, 4, 10, 20, 40, 60, 100, 200) if cycle <= cycles), cycles})
 
 
 def _refuse_other_scenes(first, second):
-    """Refuse two scenes that differ in more than the noise."""
+    """Raise ValueError for two scenes, `first` and `second`, that differ in more than the noise."""
     for name in ("block.restitution", "block.critical_angle", "forcing", "start", "overturning"):
         one, other = map(operator.attrgetter(name), (first, second))
         if one != other:
@@ -318,14 +323,21 @@ def _refuse_other_scenes(first, second):
 
 
 def _checked_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int]:
-    """Return the cycles at which bins are compared: those asked for, or the usual ones."""
+    """Return the list of cycles at which bins are compared: those asked for, or for None the usual ones.
+
+    `cycles` is the number of the last one that both results have.
+    """
     if cycles_asked is None:
         return shown_cycles(cycles)
     return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in cycles_asked]
 
 
 def _bin_distances(both, sizes, cycle, edges):
-    """After a cycle: L1 of bins, its floor, Hellinger, its floor; of each result, what stands outside the bins."""
+    """After a cycle: L1 of bins, its floor, Hellinger, its floor; of each result, what stands outside the bins.
+
+    `both` are two `SurvivalResult`, `sizes` their sample sizes (``math.inf`` for none), and `edges` the two arrays of
+    the edges of the bins. A tuple of six floats.
+    """
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
     common = sampling.pooled(bins[0], bins[1], *sizes)
     return (
@@ -338,7 +350,10 @@ def _bin_distances(both, sizes, cycle, edges):
 
 
 def _melnikov(both) -> dict:
-    """Figures of the Melnikov process by the names of their fields; None where the forcing does not repeat."""
+    """Figures of the Melnikov process, by the names of their fields, of a pair of `SurvivalResult`.
+
+    None each where the forcing does not repeat.
+    """
     forcing, block = both[0].scene.forcing, both[0].scene.block
     restitution, angle = block.restitution, block.critical_angle
     if forcing.period is None:
@@ -355,13 +370,16 @@ def _melnikov(both) -> dict:
 
 
 def _interval(result) -> np.ndarray:
-    """95 % limits of survival (rows, 2), nan for what is no sample."""
+    """95 % limits of survival (rows, 2) of a `SurvivalResult`, nan for what is no sample."""
     empty = np.full((len(result.times), 2), math.nan)
     return empty if result.interval is None else np.asarray(result.interval)
 
 
 def _z(difference, standard_error, sizes) -> np.ndarray:
-    """Difference in standard errors; nan where neither result is a sample."""
+    """Difference (rows,) in standard errors (rows,), as an array (rows,); nan where neither result is a sample.
+
+    `sizes` are the two sample sizes, ``math.inf`` for none.
+    """
     if all(map(math.isinf, sizes)):
         return np.full(difference.shape, math.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -369,7 +387,10 @@ def _z(difference, standard_error, sizes) -> np.ndarray:
 
 
 def _shared_seed(both) -> list[str]:
-    """Sentence that two samples share their random numbers, where they do, as a list."""
+    """List of a sentence that two samples share their random numbers; empty where they do not.
+
+    `both` are two `SurvivalResult`.
+    """
     seeds = [(getattr(result, "seed", None), result.engine) for result in both]
     if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in both):
         return []

@@ -38,6 +38,7 @@ def terminable():
         return
 
     def stop(number, _):
+        """Handle the signal of a number: raise the exception that stands for it."""
         raise Terminated if number == signal.SIGTERM else Interrupted
 
     numbers = [signal.SIGTERM]
@@ -67,6 +68,7 @@ def insistent():
     numbers, ended = queue.SimpleQueue(), threading.Event()
 
     def again(ignored):
+        """Have the signal of an interruption raised anew that was ignored; the argument is that of `sys.unraisablehook`."""
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
             previous(ignored)
             return
@@ -76,6 +78,7 @@ def insistent():
         numbers.put(number)
 
     def watch():
+        """Raise the signals of the queue anew in the main thread, each a moment later, until the block has ended."""
         while (number := numbers.get()) and not ended.wait(_AGAIN_S):
             _thread.interrupt_main(number)
 
@@ -101,6 +104,7 @@ def plain_warnings(command):
     """Show a warning within the block as one line, as an error is shown; `command` is that of the command line."""
 
     def show(message, *_):
+        """Write a warning's message as one line to standard error."""
         sys.stderr.write(f"fpk-rocking {command}: warning: {line(message)}\n")
 
     with warnings.catch_warnings():

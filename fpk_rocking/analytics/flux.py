@@ -197,7 +197,10 @@ def phase_flux_sampled(
 
 
 def _single(forcing, critical_angle=0.0):
-    """Return D_m of one harmonic, a `Harmonic` or a pair (amplitude, frequency), refusing others; α is in radians."""
+    """Return D_m of one harmonic, a `Harmonic` or a pair (amplitude, frequency), refusing several.
+
+    `critical_angle` is α, radians.
+    """
     return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 
 
@@ -307,9 +310,10 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
 
 
 def _panels(phases, half_turns, amplitudes, loss, sigma):
-    """Sum over panels of the mean in each of E[(σ y + d - M)⁺], M being `loss`, as in `mean_excess`.
+    """Sum over panels of the mean in each of E[(σ y + d - M)⁺], M being `loss` and σ `sigma`, as in `mean_excess`.
 
-    The n harmonics of d have phases (panels, n) at the middles, half turns (n,) from there to an end, and amplitudes.
+    The n harmonics of d have phases (panels, n) at the middles, half turns (n,) from there to an end, both in radians,
+    and amplitudes (n,).
     """
     nodes, weights = gauss_legendre(24, -1.0, 1.0)
     height = np.full((len(phases), nodes.size), -loss)

@@ -23,7 +23,10 @@ def scratch(rows: int, columns: int) -> Callable[[], Any]:
 
     @intrinsic
     def make(typing):  # noqa: ARG001  (what numba passes)
+        """Array in a kernel, which calls it without an argument; numba adds `typing`."""
+
         def reserve(context, builder, signature, arguments):  # noqa: ARG001
+            """Generate the array as an LLVM value; the arguments are those that numba passes to a code generator."""
             place = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), rows * columns))
             found = arrayobj.make_array(array)(context, builder)
             arrayobj.populate_array(
@@ -112,6 +115,7 @@ def borrowed(typing, value):  # noqa: ARG001
         result = types.Tuple([_borrowed_type(kind) for kind in value.types])
 
     def generate(context, builder, called, arguments):
+        """Generate the LLVM value without ownership; the arguments are those that numba passes to a code generator."""
         if result is called.args[0] or not isinstance(result, types.BaseTuple):
             return _disowned(context, builder, called.args[0], arguments[0])
         items = zip(called.args[0].types, cgutils.unpack_tuple(builder, arguments[0]), strict=True)

@@ -49,7 +49,7 @@ def legendre_basis(points, degree):
 
 @functools.cache
 def legendre_at_gauss_points(count, degree):
-    """Legendre polynomials, orthonormal on [0, 1], at its Gauss-Legendre points: values (count, degree + 1)."""
+    """Legendre polynomials, orthonormal on [0, 1], at its `count` Gauss-Legendre points: values (count, degree + 1)."""
     return legendre_basis(gauss_legendre(count)[0], degree)
 
 
@@ -61,12 +61,16 @@ def bernstein_basis(points, degree):
 def find_cells(lines, points, side="right"):
     """Return the cells (...) of ascending mesh lines that hold points (...), the nearest for points beyond them.
 
-    A point on a mesh line belongs to the cell above it for the side "right", to the one below it for "left".
+    `lines` are (n + 1,) for n cells. A point on a mesh line belongs to the cell above it for the side "right", to the
+    one below it for "left".
     """
     return np.clip(np.searchsorted(lines, points, side=side) - 1, 0, len(lines) - 2)
 
 
 def locate(lines, points):
-    """Return the cells (...) of points (...), see `find_cells`, and reference coordinates: 0 to 1 within a cell."""
+    """Return the cells (...) of points (...), see `find_cells`, and reference coordinates (...): 0 to 1 within a cell.
+
+    `lines` (n + 1,) are ascending mesh lines.
+    """
     cells = find_cells(lines, points)
     return cells, (points - lines[cells]) / (lines[cells + 1] - lines[cells])

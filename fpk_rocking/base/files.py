@@ -53,7 +53,10 @@ def write_text(path: File, text: str) -> None:
 
 
 def write_csv(path: File, names: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table with a header of `names` and `rows` of values as a CSV file in UTF-8, complete or not at all."""
+    """Write a table as a CSV file in UTF-8 at a path, complete or not at all.
+
+    `names` are those of the columns, and `rows` sequences of as many values.
+    """
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([names, *rows])
     write_text(path, text.getvalue())

@@ -146,6 +146,7 @@ def _compile_in_turn(compiled, file):
     compile_for, cached = compiled.compile, []
 
     def compile_in_turn(signature):
+        """Compile for a signature, as `compile` of numba's dispatcher does, while no other process does so."""
         with contextlib.ExitStack() as stack:
             folder = cache_folder(file)
             # Where the folder cannot be written to, nothing is kept there, and there is nothing to guard.

@@ -59,6 +59,7 @@ def _define(operation, name):
         cases = [signature(lanes, *pair) for pair in both]  # noqa: RUF012  (as numba has it)
 
     def generate(context, builder, called, arguments):  # noqa: ARG001
+        """Generate the operation; the arguments are those that numba passes to a code generator."""
         pair = zip(called.args, arguments, strict=True)
         return getattr(builder, name)(*(one if kind is lanes else _spread(builder, one) for kind, one in pair))
 
@@ -94,6 +95,7 @@ def load(typing, array, row) -> Any:  # noqa: ARG001  (what numba passes)
     """
 
     def generate(context, builder, called, arguments):
+        """Generate the load; the arguments are those that numba passes to a code generator."""
         return builder.load(_place(context, builder, called.args[0], *arguments), align=8)
 
     return lanes(array, types.intp), generate
@@ -107,6 +109,7 @@ def store(typing, array, row, value) -> Any:  # noqa: ARG001
     """
 
     def generate(context, builder, called, arguments):
+        """Generate the store; the arguments are those that numba passes to a code generator."""
         builder.store(arguments[2], _place(context, builder, called.args[0], *arguments[:2]), align=8)
         return context.get_dummy_value()
 
@@ -121,6 +124,7 @@ def spread(typing, value, lane) -> Any:  # noqa: ARG001
     """
 
     def generate(context, builder, called, arguments):  # noqa: ARG001
+        """Generate the shuffle; the arguments are those that numba passes to a code generator."""
         return _shuffled(builder, arguments[0], [lane.literal_value] * WIDTH)
 
     return lanes(value, lane), generate
@@ -131,6 +135,7 @@ def total(typing, value) -> Any:  # noqa: ARG001
     """Return the sum of the eight numbers of `value`, `Lanes`; kernels pass it alone, numba adds `typing`."""
 
     def generate(context, builder, called, arguments):  # noqa: ARG001
+        """Generate the sum by halves; the arguments are those that numba passes to a code generator."""
         sums, size = arguments[0], WIDTH
         while size > 1:
             size //= 2

@@ -45,6 +45,7 @@ def map_threads(function, items):
     waiting = iter(items)
 
     def work():
+        """Call the function with the items that no other thread has taken."""
         for item in waiting:
             function(item)
 
@@ -62,7 +63,10 @@ def run_in_parts(kernel, count, *arguments):
 
 
 def _run_together(tasks):
-    """Call functions without arguments at the same time, the first in this thread; return when all have ended."""
+    """Call `tasks`, a list of functions without arguments, at the same time; return when all have ended.
+
+    The first runs in this thread.
+    """
     if len(tasks) == 1:
         tasks[0]()
         return

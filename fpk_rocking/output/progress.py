@@ -60,6 +60,7 @@ def _lines(label):
     first = None  # time and work done at the first report: work may go on from a file
 
     def report(done, total):
+        """Print a line if the last one is some time ago; `done` and `total` count the parts of the work."""
         nonlocal last, first
         now = time.monotonic()
         first = first or (now, done)

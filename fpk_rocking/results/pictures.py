@@ -152,9 +152,10 @@ def function_panel(
     power: float = 0.5,
     units: PlaneUnits | None = None,
 ) -> None:
-    """Draw a function of angle and velocity on a lattice between the outer `edges`, two ascending arrays.
+    """Draw a function of angle and velocity on a lattice between the outer edges.
 
-    `function` takes two arrays of one shape and returns values of that shape; the others are as of `plane_panel`.
+    `function` takes two arrays of one shape and returns values of that shape; `edges` are an ascending array for each
+    axis, nondimensional. The other arguments are those of `plane_panel`.
     """
     fine = [np.linspace(line[0], line[-1], 161) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))

@@ -78,7 +78,7 @@ class Dataset(NamedTuple):
         return columns
 
     def _labels(self, dim):
-        """Coordinates of a dimension where these are texts."""
+        """List of the coordinates of a dimension, by its name, where these are texts; else an empty list."""
         labels = list(self.coordinates.get(dim, ()))
         return labels if all(isinstance(label, str) for label in labels) else []
 
@@ -192,6 +192,7 @@ class Result:
         return f"{type(self).__name__}: {self.title}"
 
     def _repr_html_(self) -> str:
+        """Return the result as HTML for a notebook: title, figures, verdict and picture."""
         from fpk_rocking.results.style import picture_html
 
         rows = "".join(

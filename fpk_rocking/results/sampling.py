@@ -51,7 +51,7 @@ def l1(first: ArrayLike, second: ArrayLike) -> float:
 
 
 def hellinger(first: Array, second: Array) -> float:
-    """Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of arrays (...) of bin probabilities, from 0 to 1.
+    """Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of two arrays (...) of bin probabilities, from 0 to 1.
 
     A negative bin, the undershoot of a density, counts as zero here; `l1` takes it as it is.
     """

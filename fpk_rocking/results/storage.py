@@ -113,7 +113,7 @@ class Saved:
 
 
 def result_kind(path: File) -> str:
-    """Return the kind of a saved result; raises as `Saved.load`."""
+    """Return the kind of the saved result at a path; raises as `Saved.load`."""
     with _opened(path) as (header, _):
         return header["kind"]
 
@@ -179,7 +179,7 @@ def _build(cls, prefix, parts, scenes, lengths):
 
 
 def _check(name, value, annotation, lengths):
-    """Raise ValueError where an array or an attribute is not as its annotation says.
+    """Raise ValueError where a value, an array or an attribute, is not as its annotation says.
 
     `name` is for the message, and `lengths` the dict of the lengths of letters, which is added to.
     """
@@ -211,7 +211,7 @@ def _fits(length, dim, lengths):
 
 @contextlib.contextmanager
 def _opened(path):
-    """Open a result file as (header, archive): what `_header` returns, and a `zipfile.ZipFile`."""
+    """Open the result file at a path as (header, archive): what `_header` returns, and a `zipfile.ZipFile`."""
     try:
         file = checks.path("path", path).open("rb")
     except FileNotFoundError:

@@ -42,6 +42,7 @@ def drawing() -> Iterator[Callable[..., Any]]:
     from matplotlib.figure import Figure
 
     def figure(**options):
+        """Return a figure, made with the options of matplotlib's class, that needs no window."""
         canvas_figure = Figure(**options)
         FigureCanvasAgg(canvas_figure)
         return canvas_figure

@@ -183,6 +183,7 @@ class SurvivalResult(RowResult):
         angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
 
         def bins():
+            """Binned probabilities (time, angle bins, velocity bins)."""
             return np.array([self.bin_probabilities(row, *edges) for row in range(rows)])
 
         return Dataset(

@@ -59,7 +59,10 @@ def check(scene: Any) -> None:
 
 
 def _check_band(noise, frequency):
-    """Refuse a `BandNoise` beyond 1e4 or 1e5 times the forcing's `frequency`, and more than 100,000 harmonics."""
+    """Refuse a `BandNoise` beyond 1e4 or 1e5 times the forcing's `frequency`, and more than 100,000 harmonics.
+
+    Frequencies are nondimensional.
+    """
     highest = min(1e4, 1e5 * frequency)
     if noise.band[1] > highest:
         accepted = f"frequencies up to {highest:g}, and up to 100000 times that of the forcing{checks.ENGINES}"

@@ -106,7 +106,7 @@ class Start:
 
 
 def _covariance(value):
-    """Return a covariance, two rows of two numbers, as tuples of floats, or refuse what is none."""
+    """Return a covariance, a sequence of two rows of two numbers, as tuples of floats, or refuse what is none."""
     name = "start.covariance"
     accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
     sequence = checks.sequence(name, value, accepted)

@@ -86,7 +86,7 @@ def nondimensional(key: str) -> str:
 
 
 def _converted(name, key, value, size):
-    """Return a quantity with a unit, or a list of them, as nondimensional numbers.
+    """Return a `value` with a unit, a number, a text or a list of such, as nondimensional numbers.
 
     `name` is its dotted name, `key` the last part of that, and `size` the `Dimensions` of the block.
     """
@@ -148,7 +148,10 @@ def _read(cls):
 
 
 def _block(name, table, folder):
-    """Read the `Block` from its table (dict) and that of its dimensions; `name` is the table's."""
+    """Read the `Block` from its table (dict) and that of its dimensions.
+
+    `name` is the table's; the folder, for files, is not used.
+    """
     values = checks.arguments(name, table, Block)
     if "dimensions" in values:
         values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"], folder)
@@ -163,6 +166,7 @@ def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arg
     """
 
     def read(name, table, folder):
+        """Read the object of a table (dict); `name` is the table's, and files in it are relative to a folder."""
         values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
         kind = values.pop("kind", default)
         if kind is None:
@@ -175,7 +179,10 @@ def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arg
 
 
 def _noise(name, table, folder):
-    """Read a noise from its table (dict), with the tables of its envelope and filter; `name` is the table's."""
+    """Read a noise from its table (dict), with the tables of its envelope and filter.
+
+    `name` is the table's; the folder, for files, is not used.
+    """
     values = dict(checks.table(name, table))
     if "envelope" in values:
         values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)

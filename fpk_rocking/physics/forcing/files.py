@@ -84,7 +84,7 @@ _OBSPY = ' (pip install "fpk-rocking[obspy]")'
 
 
 def _obspy(path):
-    """Read a `FileRecord` by ObsPy, in the unit of its numbers, which is not said; None where it cannot.
+    """Read a `FileRecord` from a path by ObsPy, in the unit of its numbers, which is not said; None where it cannot.
 
     It cannot either where ObsPy is missing.
     """
@@ -108,7 +108,7 @@ def _obspy(path):
 
 
 def _data(path):
-    """Return the bytes of a file of a size that a record can have."""
+    """Return the bytes of the file at a path, which has a size that a record can have."""
     try:
         size = path.stat().st_size
         # A device or a pipe may never end.

@@ -322,6 +322,7 @@ class _Sum(PeriodicForcing):
     components: tuple[tuple[int, float, float], ...]
 
     def scaled(self, strength, rate):
+        """Return the sum with amplitudes multiplied by `strength` and the frequency by `rate`."""
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
 
 

@@ -34,6 +34,7 @@ def _bell(polynomial):
     parts = [factor.deriv(k) / math.factorial(k) if k else factor for k in range(len(polynomial))]
 
     def series(z):
+        """Taylor coefficients (n, TERMS) about z (n,), counted from the begin of the pulse."""
         z = z - _REACH
         # exp(-(z+t)²/2) = exp(-z²/2) Σ He_k(z) (-t)^k / k!, and the polynomial about z.
         bell = np.empty((len(z), TERMS))

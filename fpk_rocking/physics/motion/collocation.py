@@ -94,7 +94,7 @@ def _lagrange(j, places):
 
 
 def _economized(start):
-    """Return coefficients in φ² of sin φ/φ (start 1) or cos φ (0), right to 1e-16 for |φ| <= π/2."""
+    """Return 9 coefficients in φ² of sin φ/φ (`start` 1) or cos φ (`start` 0), right to 1e-16 for |φ| <= π/2."""
     terms, most = 9, (0.5 * math.pi) ** 2
     angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
     values = np.sin(angles) / angles if start else np.cos(angles)
@@ -435,7 +435,7 @@ def advance_from_flight(
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
     """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`.
 
-    The arguments are those of `advance_from_flight` without the flight that is known there.
+    The arguments are those of `advance_from_flight`, without the flight that is known there.
     """
     nothing = load(_POINTS, 0)
     return advance_from_flight(

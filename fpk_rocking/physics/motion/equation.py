@@ -44,6 +44,7 @@ def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) ->
     """
 
     def either(*arguments):
+        """Call the kernel for the `Body`, the last argument, from Python."""
         return (slender if arguments[-1].critical_angle is None else exact)(*arguments)
 
     @overload(either, strict=False, inline="always")

@@ -46,12 +46,18 @@ def orbit(times: ArrayLike, critical_angle: float) -> tuple[Number, Number]:
 
 
 def speed(critical_angle: float) -> float:
-    """Speed v₀ = (2/α) sin(α/2) of the orbit at x = 0; an impulse of this size overturns a block at rest."""
+    """Speed v₀ = (2/α) sin(α/2) of the orbit at x = 0, for α in radians.
+
+    An impulse of this size overturns a block at rest.
+    """
     return float(np.sinc(checked(critical_angle) / (2.0 * math.pi)))
 
 
 def kernel(critical_angle: float) -> tuple[Array, Array]:
-    """Weights c_n and rates m_n, each of shape (terms,), of the kernel v cos φ; for α = 0 one of each, 1 and 1."""
+    """Weights c_n and rates m_n, each of shape (terms,), of the kernel v cos φ; for α = 0 one of each, 1 and 1.
+
+    `critical_angle` is α, radians.
+    """
     scale, ratio = _scales(critical_angle)
     order = np.arange(25)  # enough for α = π/2, where tan(α/4)² is 0.17
     rates = 2.0 * order + 1.0
@@ -85,7 +91,7 @@ def halves(frequency: ArrayLike, critical_angle: float) -> tuple[Number, Number]
 def white_gain(critical_angle: float) -> float:
     """Integral of the squared kernel over all times; white noise has the Melnikov variance 2D times this.
 
-    It is (8/α²) ∫ (2c² - 1)² dc from c = cos(α/2) to 1, and 1 for a slender block.
+    It is (8/α²) ∫ (2c² - 1)² dc from c = cos(α/2) to 1, and 1 for a slender block; α is in radians.
     """
     alpha = checked(critical_angle)
     rise = 2.0 * math.sin(0.25 * alpha) ** 2

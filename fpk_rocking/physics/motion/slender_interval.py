@@ -155,9 +155,9 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
 
 @kernel(forceinline=True)
 def state_in_interval(interval, grow, decay, side, time, block, impacts):
-    """Angle and velocity at a time in the interval, counted from its middle; nan if overturned by then.
+    """Angle and velocity at a time in an `Interval`, counted from its middle; nan if overturned by then.
 
-    Arguments are as for `cross_interval`; the impacts are recorded at times counted from the middle too.
+    Arguments are as for `cross_interval`; `impacts` gets times that count from the middle too.
     """
     x, v = state_at_begin(interval.particular, interval.half, grow, decay, side)
     begin = -interval.half

@@ -249,6 +249,7 @@ def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angl
     terms = separatrix.kernel(critical_angle)
 
     def excess(power):
+        """Melnikov variance of the filter of frequency exp(power), less the ratio."""
         return _low_pass(math.exp(power), damping).variance_along(*terms) - ratio
 
     low, high = math.log(1e-8), math.log(1e8)
