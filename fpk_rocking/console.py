@@ -68,7 +68,7 @@ def insistent():
     numbers, ended = queue.SimpleQueue(), threading.Event()
 
     def again(ignored):
-        """Have the signal of an interruption raised anew that was ignored; the argument is that of `sys.unraisablehook`."""
+        """Have the signal of an ignored interruption raised anew; takes what `sys.unraisablehook` takes."""
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
             previous(ignored)
             return
