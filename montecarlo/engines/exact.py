@@ -152,7 +152,7 @@ def _step_closed(state, end, side, number, j, share, cycle, parameters, workspac
     A state is the growing and the decaying exponential and the folded angle. `state` is that at the begin, `end` that
     at the end if there were no event, from `_try_closed`; `share` is 1. `impacts` records times since τ = 0.
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin of
-    the run.
+    the run. The run begins at `cycle`.
     """
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
@@ -168,7 +168,7 @@ def _step_within_closed(state, end, side, number, j, share, cycle, parameters, w
 
     Both are nan if it has overturned by then. `state` is that at the begin, two exponentials and the folded angle;
     `end`, `number` and `cycle` are not used. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`;
-    `number` counts intervals from the begin of the run.
+    `number` counts intervals from the begin of the run. `impacts` is an `ImpactRecord`.
     """
     time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
     return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
@@ -297,7 +297,7 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for a slender block.
 
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. j is not used.
     """
     k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
     for n in range(TERMS):
@@ -312,7 +312,7 @@ def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
     """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for an exact block.
 
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. j is not used.
     """
     interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
 

@@ -124,7 +124,7 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
     """Write the force in the chunk of steps that begins with step j, where the last chunk is used up.
 
     `number` counts steps from the begin of the run at `cycle`, j from that of the table period; `stream` is not used.
-    `workspace` is the engine's `Workspace`.
+    `workspace` is the engine's `Workspace`. `parameters` are its `Parameters`.
     """
     if j % workspace.low.size == 0:
         _write_chunk(number, j, cycle, parameters, workspace)
@@ -201,6 +201,7 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether step j of the table period surely has no event, and (angle, velocity) at its end if so.
 
     `state` is (angle, velocity) at its begin; `number` is not used. `workspace` is the engine's `Workspace`.
+    `parameters` are its `Parameters`.
     """
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
@@ -218,7 +219,7 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of the force in step j of the table period to `workspace.particular` (TERMS,).
 
     The force is the parabola through its three values in the step; time counts from the step's begin. `workspace` is
-    the engine's `Workspace`.
+    the engine's `Workspace`. `parameters` are its `Parameters`; `number` is not used.
     """
     k, h = j % workspace.low.size, parameters.grid.spacing
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
@@ -236,6 +237,7 @@ def _step_with_events(state, end, side, number, j, share, cycle, parameters, wor
 
     That is inf for none. `state` is (angle, velocity) at the step's begin; `number` counts from the begin of the run at
     `cycle`; `impacts` records times since τ = 0; `end` is not used. `workspace` is the engine's `Workspace`.
+    `parameters` are its `Parameters`.
     """
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block

@@ -140,7 +140,8 @@ def _advance_exact_block(x, v, side, segment, end, slow, block):
 def _advance_exact(x, v, side, segment, end, slow, block):
     """Call `_advance_exact_block`, which is too long to be inlined itself, with the same arguments.
 
-    It returns angle, velocity, side and time at the `end` of the path from (x, v) at t = 0 of the `Segment`.
+    It returns angle, velocity, side and time at the `end` of the path from (x, v) at t = 0 of the `Segment`. Chatter of
+    a time up to `slow` is summed.
     """
     return _advance_exact_block(x, v, side, segment, end, slow, block)
 

@@ -326,6 +326,7 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
     Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
     passed the cut-off to the left and to the right. `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
+    `basis` (modes,) tells the compiler the modes.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
@@ -344,7 +345,7 @@ def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned
 
     `coefficients` (the space's shape) are those before it in the cells of the mask `free`. `out`: values (angle cells,
     velocity cells, modes, modes); `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. Masses past the
-    cut-off are added to `overturned` (2, velocity cells).
+    cut-off are added to `overturned` (2, velocity cells). `basis` (modes,) tells the compiler the modes.
     """
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
@@ -378,7 +379,8 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 
     Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `free` is the mask of the cells and
     `exit_values` (2,) are those of having passed the cut-off to the left and to the right. It does so for places
-    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
+    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the
+    compiler the modes.
     """
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
@@ -401,7 +403,7 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
     """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass.
 
     `values` (velocity cells, modes, modes) are those of the row before, `out` is that of `velocity_shear`. `rows`:
-    `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`.
+    `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
     """
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
@@ -440,7 +442,7 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
 
     Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of `VelocityRows`: `values` (velocity cells,
     angle cells, modes, modes) are those after, and `exit_value` is that of having passed the velocity bound. Both
-    remaps: `Remap`; `tables`: `LineTables`.
+    remaps: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
@@ -466,6 +468,7 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
 
     `values` (velocity cells, angle cells, modes, modes) are those before it at Gauss points. `rows`: `AngleRows`;
     `remap`: `Remap`; `tables`: `LineTables`. Masses past the cut-off are added to `overturned` (2, velocity cells).
+    `basis` (modes,) tells the compiler the modes.
     """
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
@@ -498,7 +501,7 @@ def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_va
 
     Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` has the space's
     shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right. `remap`: `Remap`;
-    `tables`: `LineTables`.
+    `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
     """
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)

@@ -356,7 +356,7 @@ def adjoint_remap_row(r, values, source, target, remap, moved, basis):
     """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r.
 
     It is the adjoint of `remap_row`. `source`, `target`: first cell of each and the one after the last; `remap`: a
-    `Remap`.
+    `Remap`. `basis`, a tuple (modes,), tells the compiler the number of modes.
     """
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1

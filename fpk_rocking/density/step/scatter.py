@@ -153,7 +153,8 @@ def _scatter_chunk(
 
     `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`, the last
     two overwritten. `cells`: `SourceCells`; `points`: `GaussPoints`; `targets`: `Targets` of the traced cells;
-    `affine`: `AffinePaths` of the others; both searches: `CellSearch` of the target mesh.
+    `affine`: `AffinePaths` of the others; both searches: `CellSearch` of the target mesh. The lengths of `source_basis`
+    and `basis` tell the compiler the numbers of modes.
     """
     across = len(velocity_search.scales)
     absorbed[:] = 0.0

@@ -173,7 +173,7 @@ def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_
 
     The paths' `ends` (m, n, 2) become reference coordinates, and `sizes` (m, 2) receives the numbers of groups and
     blocks. `flags` (m, n); the searches are the `CellSearch` of the target mesh; `slots` is the number of its cells and
-    of exits.
+    of exits. `first_positive` is its first column with x > 0.
     """
     ends, flags, angle_search, velocity_search, cells, sizes = borrowed(
         (ends, flags, angle_search, velocity_search, cells, sizes)
@@ -311,7 +311,7 @@ def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ord
 
     `buffer` (target cells, modes²) holds the unknowns, `absorbed` the masses by `Exit`; `node_weights` (n,) are those
     of the noise; `masses` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the
-    compiler the number of modes.
+    compiler the number of modes. `targets` are the `Targets`.
     """
     n = 0
     for p in range(values.shape[0]):
@@ -339,7 +339,7 @@ def gather_cell(function, exit_values, node_weights, r, targets, values, path_va
 
     Adjoint of `scatter_cell`. `function` (target cells, modes²) are its coefficients, `exit_values` (3,) its values by
     `Exit`; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the
-    compiler the number of modes.
+    compiler the number of modes. `node_weights` (n,) are those of the noise, `targets` the `Targets`.
     """
     first, last = targets.groups[r], targets.groups[r + 1]
     base = targets.blocks[first]
