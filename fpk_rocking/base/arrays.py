@@ -23,7 +23,7 @@ def scratch(rows: int, columns: int) -> Callable[[], Any]:
 
     @intrinsic
     def make(typing):  # noqa: ARG001  (what numba passes)
-        """Array in a kernel, which calls it without an argument; numba adds `typing`."""
+        """Return the array, as a kernel calls it, without an argument; numba adds `typing`."""
 
         def reserve(context, builder, signature, arguments):  # noqa: ARG001
             """Generate the array as an LLVM value; the arguments are those that numba passes to a code generator."""

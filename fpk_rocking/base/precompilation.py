@@ -58,7 +58,7 @@ def task_for_block(task, scene):
 
 
 def run_task(task):
-    """Run a task, given as "module:function", in this process, and mark it on the disk as compiled."""
+    """Run a task, one of `TASKS` ("module:function"), in this process, and mark it on the disk as compiled."""
     import importlib
 
     module, name = task.split(":")

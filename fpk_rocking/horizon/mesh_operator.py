@@ -264,16 +264,16 @@ def refine_operator(white, tol):
     beyond, wanted = bound_for_all_starts(white, motion), math.e * tol
 
     def solve(resolution, _):
-        """Build the operator at a resolution; return its `Level`."""
+        """Build the `MeshOperator` at a `Resolution`; return its `Level`."""
         return MeshOperator(white, resolution, motion, bound, beyond).level
 
     def fits(level, resolution):
-        """Whether the operator at a finer resolution than that of a level takes little enough memory."""
+        """Whether the operator at a `Resolution` finer than that of a `Level` takes little enough memory."""
         finer = resolution.adapted(white, bound, motion, beyond, TUNING.cell_growth)
         return level.memory * finer.memory / level.solution.propagator.discretization.memory <= TUNING.finer_operator
 
     def is_done(refined):
-        """Whether the estimated errors are within the tolerances, or no longer fall."""
+        """Whether the estimated errors of a `Refined` are within the tolerances, or no longer fall."""
         return refined.within(wanted, bins_tolerance(tol)) or is_stagnated(refined)
 
     refined = refine(resolutions_for(tol, before=SOLUTIONS - 1), solve, fits, is_done)

@@ -198,11 +198,11 @@ class CycleOperator(Result, LinearOperator):
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def density(figure, axes):
-            """Draw the quasi-stationary density."""
+            """Draw the quasi-stationary density on matplotlib's `axes`, with a colour bar in the figure."""
             function_panel(figure, axes, self.quasi_stationary, self._shown_edges(), "quasi-stationary density")
 
         def eigenvalues(_, axes):
-            """Draw the eigenvalues of a cycle in the complex plane, with the unit circle."""
+            """Draw the eigenvalues of a cycle in the complex plane, with the unit circle, on matplotlib's `axes`."""
             turn = np.exp(2j * math.pi * np.linspace(0.0, 1.0, 201))
             axes.plot(turn.real, turn.imag, color="black", linewidth=0.8)
             axes.plot(self.eigenvalues.real, self.eigenvalues.imag, "o", markersize=5.0)
@@ -359,7 +359,7 @@ class CycleOperator(Result, LinearOperator):
         cycle = checks.count("cycle", cycle)
 
         def passage(mesh):
-            """Coefficients of the probability of overturning in the cycle, over the starts."""
+            """Vector (unknowns,) of the probability of overturning in the cycle, over the starts, by a `MeshOperator`."""
             powers = mesh.backward_powers()
             before = powers.after(mesh.periods * (cycle - 1))
             return before - powers.after(mesh.periods * cycle)

@@ -53,7 +53,7 @@ class PlaneMap:
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def values(figure, axes):
-            """Draw the values over the phase plane."""
+            """Draw the values over the phase plane on matplotlib's `axes`, with a colour bar in the figure."""
             function_panel(figure, axes, self, self.mesh_lines, f"value of the start, Ψ = {self.phase:.4g}", 1.0)
 
         return figure_of(values)

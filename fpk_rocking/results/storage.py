@@ -131,7 +131,10 @@ def _form(annotation):
 
 
 def _nested(annotation):
-    """Class of an annotation that has fields of its own, and whether None is allowed; None of any other annotation."""
+    """Class of an annotation that has fields of its own, and whether None is allowed (bool), as a pair.
+
+    None of any other annotation.
+    """
     options = [one for one in typing.get_args(annotation) if one is not type(None)]
     cls = options[0] if len(options) == 1 else annotation
     return (cls, cls is not annotation) if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls) else None
@@ -228,7 +231,7 @@ def _opened(path):
 
 
 def _array(path, archive, name):
-    """Read an array by its name from a zip archive; `path` is that of the file, for messages.
+    """Read an array by its name from a `zipfile.ZipFile`, and return it; `path` is that of the file, for messages.
 
     It is read to the end first: numpy reads no further than a shape says, and the checksum is known last.
     """
@@ -248,7 +251,7 @@ def _damaged(path, error):
 
 
 def _header(path, archive):
-    """Read and check the header of a result file, a dict, from its zip archive; `path` is for messages."""
+    """Read, check and return the header (dict) of a result file from its `zipfile.ZipFile`; `path` is for messages."""
     refusal = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
     if f"{_HEADER}.npy" not in archive.namelist():
         raise ValueError(refusal)

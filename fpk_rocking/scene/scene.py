@@ -362,7 +362,10 @@ def _fields(value):
 
 
 def _change(document, name, value):
-    """Set a value in `document`, parsed TOML, by its dotted name; another form of the same quantity gives way to it."""
+    """Set a value in `document`, parsed TOML (dict), by its dotted name; tables that are missing are added.
+
+    Another form of the same quantity gives way to it.
+    """
     *path, key = name.split(".")
     table = document
     for place, part in enumerate(path):

@@ -266,7 +266,7 @@ def _entries(line):
 
 
 def _is_number(word):
-    """Whether a word (text) is a number, other than nan."""
+    """Whether a word, a text, is a number, other than nan."""
     return not math.isnan(_number(word))
 
 
@@ -333,7 +333,7 @@ def _rounded_interval(times, words):
 
 
 def _check_count(count):
-    """Refuse a number of samples that a record cannot have."""
+    """Raise ValueError for a number of samples (int) that a record cannot have."""
     if not 2 <= count <= MOST:
         raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
 

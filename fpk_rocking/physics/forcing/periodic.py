@@ -322,7 +322,7 @@ class _Sum(PeriodicForcing):
     components: tuple[tuple[int, float, float], ...]
 
     def scaled(self, strength, rate):
-        """Return the sum with amplitudes multiplied by `strength` and the frequency by `rate`."""
+        """Return the sum with amplitudes multiplied by `strength` and the frequency by `rate`, both above 0."""
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
 
 

@@ -254,9 +254,9 @@ def _expand(u, w, span, bend, scratch, angle):
 
 @kernel(forceinline=True)
 def _without_begin(angle, quotient):
-    """Write to `quotient` (TERMS,) that of a polynomial by the time since the flight's begin, t + 1.
+    """Write to `quotient` (TERMS,) the quotient of a polynomial and the time since the flight's begin, t + 1.
 
-    `angle` (TERMS,) are its coefficients in t; it is 0 at the begin, t = -1.
+    `angle` (TERMS,) are the polynomial's coefficients in t; it is 0 at the begin, t = -1.
     """
     value = 0.0
     for k in range(TERMS - 1, 0, -1):

@@ -215,7 +215,7 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
 
 
 def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
-    """Weights (32,) of sum 1 and frequencies (32,) of a quadrature for means over the band of a noise.
+    """Weights (32,) and frequencies (32,), nondimensional, of a quadrature for means over the band of a noise.
 
     Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric polynomials (a constant is
     not).
@@ -228,7 +228,7 @@ def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
 
 
 def _check(noise: Noise) -> None:
-    """Raise TypeError for a value that is no noise."""
+    """Raise TypeError for a value that is no noise, of a class in `NOISES`."""
     if getattr(noise, "kind", None) not in NOISES:
         raise TypeError(checks.refusal("noise", noise, "BandNoise, WhiteNoise, FilteredNoise or NoNoise"))
 
