@@ -359,7 +359,7 @@ class CycleOperator(Result, LinearOperator):
         cycle = checks.count("cycle", cycle)
 
         def passage(mesh):
-            """Vector (unknowns,) of the probability of overturning in the cycle, over the starts, by a `MeshOperator`."""
+            """Vector (unknowns,) of the probability of overturning in the cycle by start, of a `MeshOperator`."""
             powers = mesh.backward_powers()
             before = powers.after(mesh.periods * (cycle - 1))
             return before - powers.after(mesh.periods * cycle)
