@@ -167,8 +167,8 @@ def _step_within_closed(state, end, side, number, j, share, cycle, parameters, w
     """Carry a block through a `share` of interval j; return (angle, velocity), side and inf.
 
     Both are nan if it has overturned by then. `state` is that at the begin, two exponentials and the folded angle;
-    `end`, `number` and `cycle` are not used. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`;
-    `number` counts intervals from the begin of the run. `impacts` is an `ImpactRecord`.
+    `end`, `number` and `cycle` are not used. `impacts` is an `ImpactRecord`;
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
     return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
