@@ -5,7 +5,6 @@ Curves with and without a lognormal fit are written, loaded by the real packages
 
 import dataclasses
 import importlib.metadata
-import math
 import pathlib
 import sys
 import tempfile
@@ -27,9 +26,7 @@ def curves():
         fit = LognormalFit(0.7, 0.4, misfit=0.0)
         share = np.append(fit(scale[:-1]), 1.0)
         limits = np.stack([share, share], axis=-1)
-        curve = IntensityCurve(
-            "overturned", measure, scale, share, limits, fit, np.empty((0, 2)), 1, math.nan, math.nan
-        )
+        curve = IntensityCurve("overturned", measure, scale, share, limits, fit, np.empty((0, 2)), 1)
         yield curve
         yield dataclasses.replace(curve, fit=LognormalFit(reason="left out here"))
 

@@ -98,7 +98,7 @@ def draw(path, values):
     same, others = values["blocks"][:count], values["blocks"][count:]
     note = (
         f"{values['motions']} synthetic motions of firm ground (nonstationary Kanai-Tajimi), scaled to equal PGV, "
-        "without noise; Housner's restitution. Bars: 95 % intervals, bootstrap over the motions."
+        "without noise; Housner's restitution. Bars: 95 % intervals, of a motion drawn from their population."
     )
     alike = [one for one in others if math.isclose(one["height"] / one["width"], SLENDER[0], rel_tol=1e-9)]
     rise = seconds_of(alike[-1], alike[-1]["median"]) / seconds_of(alike[0], alike[0]["median"])

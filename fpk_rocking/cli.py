@@ -89,8 +89,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
                         lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
                         repeated
---blocks N:int          with --uncertain: blocks drawn for each scene (default 20) or record (default 1; of one record
-                        5 or more)
+--blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; of one record 5 or
+                        more)
 --workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
 --store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
 --records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise, and needs no
@@ -310,10 +310,11 @@ def _compare(options):
 
 def _fragility(options):
     """Run the command ``fragility`` with its parsed `options`: compute, print and save fragility curves."""
-    from fpk_rocking.base.files import plain, write_json
+    from fpk_rocking.base.files import write_json
     from fpk_rocking.output.progress import reporting
-    from fpk_rocking.studies import dispersions, drawn, fragility
-    from fpk_rocking.studies.picture import curves_figure, fragility_table, surface_figure
+    from fpk_rocking.studies import IntensityCurve, drawn, fragility
+    from fpk_rocking.studies.picture import curve_table, fragility_table
+    from fpk_rocking.studies.scenes import motion_lines
 
     scenes, over = _shaken(options), None
     if options.over is not None:
@@ -326,7 +327,7 @@ def _fragility(options):
     if uncertain:
         if over is not None:
             raise ValueError(f"--uncertain: got {options.uncertain}, accepted: nothing beside --over")
-        draws = drawn(scenes, uncertain, **_passed(options, "seed"), count=options.blocks or 20)
+        draws = drawn(scenes, uncertain, **_passed(options, "seed"), count=options.blocks or -(-100 // len(scenes)))
         scenes = draws.scenes
     with reporting("fragility") as progress:
         result = fragility(
@@ -339,27 +340,33 @@ def _fragility(options):
             progress=progress,
             **_passed(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
-    shown, values, beta = result, result.summary(), ()
-    if draws is None and options.records and len(scenes) > 1:
-        # The files keep the rows of each motion; what is looked at is the curve over all of them.
-        shown = result.pooled
+    shown, values = result, result.summary()
+    if draws is not None or (options.records and len(scenes) > 1):
+        # The saved result keeps the rows of each scene; what is looked at is the curve over all of them.
+        shown = IntensityCurve.of(result, "scale", draws=draws)
         values |= {"pooled": shown.summary()}
-    if draws is not None:
-        sources = dispersions(result.scale, result.overturned, draws.values)
-        shown = result = result.pooled
-        values = result.summary() | {"dispersion_of": plain(sources)}
-        texts = ", ".join(f"{value:.3g} by {name}" for name, value in sources.items())
-        beta = [f"Dispersion of the capacity, the scale that a block withstands: {texts}."]
     if options.out:
         result.save(options.out / "result.npz")
-        result.to_csv(options.out / "fragility.csv")
+        (result if draws is None else shown).to_csv(options.out / "fragility.csv")
         write_json(options.out / "summary.json", values)
-        if over is None:
-            curves_figure(options.out / "fragility.png", [shown], which=None)
-        else:
-            surface_figure(options.out / "fragility.png", result)
-    title, table, sentences = fragility_table(shown)
-    _print(options, shown, values, lambda: (title, table, (*sentences, *beta)))
+        _fragility_figure(options.out / "fragility.png", shown)
+    motions = motion_lines(result.motion_table, "scale") if options.records and options.scales else ()
+    _print(options, shown, values, lambda: fragility_table(result) if shown is result else curve_table(shown, motions))
+
+
+def _fragility_figure(path, result):
+    """Draw fragility curves, a surface over a parameter, or the one curve for all scenes as a file."""
+    from fpk_rocking.results.style import page
+    from fpk_rocking.studies import Fragility
+    from fpk_rocking.studies.picture import curves_figure, draw_curve, surface_figure
+
+    if not isinstance(result, Fragility):
+        with page(path, (7.0, 5.0), result.title) as figure:
+            draw_curve(figure.subplots(), result)
+    elif result.axis == "scene":
+        curves_figure(path, [result], which=None)
+    else:
+        surface_figure(path, result)
 
 
 def _at_scales(options, scenes):
@@ -367,7 +374,7 @@ def _at_scales(options, scenes):
 
     `options` are the parsed arguments.
     """
-    from fpk_rocking.risk.curve import at_intensity
+    from fpk_rocking.studies.scenes import at_intensity
 
     lists = _passed(options, "scales", "pga", "pgv")
     if len(lists) != 1:

@@ -5,10 +5,11 @@ intensity. `IntensityCurve.of` reads the curve, over all records of a suite. `an
 `Hazard`. `to_nrml` and `to_pelicun` hand it to other programs.
 """
 
-from fpk_rocking.risk.curve import IntensityCurve, at_intensity
-from fpk_rocking.risk.export import to_csv, to_nrml, to_pelicun
+from fpk_rocking.risk.export import to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
 from fpk_rocking.risk.study import Study, study
+from fpk_rocking.studies.pooled import IntensityCurve
+from fpk_rocking.studies.scenes import at_intensity
 
 __all__ = [
     "Hazard",
@@ -18,7 +19,6 @@ __all__ = [
     "annual_frequency",
     "at_intensity",
     "study",
-    "to_csv",
     "to_nrml",
     "to_pelicun",
 ]

@@ -1,4 +1,4 @@
-"""Fragility curves in the formats of OpenQuake (NRML 0.5) and pelicun, and as a table with units."""
+"""Fragility curves in the formats of OpenQuake (NRML 0.5) and pelicun."""
 
 import json
 import math
@@ -12,7 +12,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.files import write_text
 from fpk_rocking.base.types import File
-from fpk_rocking.risk.curve import IntensityCurve
+from fpk_rocking.studies.pooled import IntensityCurve
 
 _TAKEN = "risk", "curve", "motions"
 """Names whose files would replace others of a study: risk.json, curve.csv, motions.csv."""
@@ -139,30 +139,6 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     write_text(pathlib.Path(path).with_suffix(".json"), json.dumps({name: about}, indent=2) + "\n")
 
 
-def to_csv(path: File, curve: IntensityCurve) -> None:
-    """Write the points of a curve with their limits, below a line that begins with ``#`` and says what they are.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        File to write.
-    curve : IntensityCurve
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import IntensityCurve, at_intensity, to_csv
-    >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> to_csv("curve.csv", IntensityCurve.of(found, "PGV"))
-    """
-    table = curve.dataset().table()
-    rows = (",".join(map(repr, row)) for row in zip(*(column.tolist() for column in table.values()), strict=True))
-    write_text(path, "\n".join([f"# {curve.describe()}{_about_limits(curve)}", ",".join(table), *rows]) + "\n")
-
-
 def _same(curves):
     """Return curves as a list, or refuse those of several measures or intensities."""
     curves = list(curves)
@@ -227,14 +203,3 @@ def _identifier(name):
 def _numbers(values):
     """Return numbers with all their digits, parted by blanks."""
     return " ".join(repr(float(value)) for value in values)
-
-
-def _about_limits(curve):
-    """Return what the limits of the points are, as sentences; empty for one scene."""
-    if not len(curve.redrawn):
-        return ""
-    others = "records" if curve.records > 1 else "blocks"
-    return (
-        f" low, high: 95 % limits for other {others} of their kind, by bootstrap; Wilson's where all agree, whose high "
-        "is above 0 where none overturned."
-    )

@@ -12,8 +12,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.files import plain
 from fpk_rocking.base.types import Array, File, Number
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.risk.curve import IntensityCurve
 from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.pooled import IntensityCurve
 
 _TAIL = 12.0
 """Dispersions, and units of 1/k, over which the frequency is integrated to either side: beyond lies less than 1e-30."""
@@ -156,8 +156,8 @@ class Risk:
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits from the sample of the fragility: its replicates, or, of points of one scene, all of their lower or
-        upper limits at once, which is wider. The hazard is taken as exact.
+        95 % limits from the sample of the fragility: its replicates, or, of points, all of their lower or upper limits
+        at once, which is wider. The hazard is taken as exact.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
@@ -166,6 +166,8 @@ class Risk:
         Share of λ from intensities below or above the points of the hazard, to which its last power laws go on.
     beyond_curve : float
         Share of λ from intensities below or above those of the fragility.
+    below_curve : float
+        Share of λ from intensities below those of the fragility, to which its curve goes on.
     curve : IntensityCurve
     hazard : Hazard
 
@@ -188,6 +190,7 @@ class Risk:
     contribution: np.ndarray
     beyond_hazard: float
     beyond_curve: float
+    below_curve: float
     curve: IntensityCurve
     hazard: Hazard
 
@@ -216,7 +219,8 @@ class Risk:
 
         Above .05 there is caution, above .5 the rate is not to be used: it is then made of an extrapolation.
         """
-        lognormal, points = "its lognormal curve goes on", "the probability is 0 below, the last one above"
+        lognormal = "its lognormal curve goes on"
+        points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
             "the fragility": (self.beyond_curve, lognormal if self.curve.fitted else points),
@@ -249,26 +253,27 @@ class Risk:
 
     @property
     def relative_error(self) -> float:
-        """Relative standard error of the frequency, from its interval; nan where it has none."""
+        """Standard error of the logarithm of the frequency, from its interval; inf where that begins at 0."""
         low, high = self.interval
-        return (high - low) / (2.0 * 1.96 * self.rate) if self.rate > 0.0 else math.nan
+        return math.inf if low <= 0.0 else math.log(high / low) / (2.0 * 1.96)
 
     @property
     def sentences(self) -> list[str]:
         """The result in words, with what its interval leaves out."""
         sampled = " and ".join(
             ["records"] * (self.curve.records > 1)
-            + ["blocks"] * bool(self.curve.blocks)
+            + ["blocks"] * bool(set(self.curve.sources) - {"noise", "record to record"})
             + ["noise"] * (not self.curve.jumps.size)
         )
         through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
         through = "all intensities at which each motion overturns the block" if self.curve.jumps.size else through
         at_once = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
-        wide = "" if self.curve.fitted or len(self.curve.redrawn) else at_once
+        wide = "" if self.curve.fitted else at_once
         limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
         text = (
             f"{self.title}: return period {self.return_period:.4g} years, probability in 50 years "
-            f"{self.probability():.3g}. By {through}{limits}. The hazard and the model of the block count as known."
+            f"{self.probability():.3g}. By {through}{limits}. The hazard and the model of the block count as known. "
+            f"Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         )
         return [text, *(diagnostic.message for diagnostic in self.diagnostics)]
 
@@ -277,6 +282,8 @@ class Risk:
         """The rate with its limits, as a line of text."""
         name = "overturning" if self.curve.name == "overturned" else self.curve.name
         low, high = map(_digits, self.interval)
+        if not self.rate > 0.0:
+            return f"annual rate of {name} below {high} (95 %: none of {self.curve.units} overturned)"
         limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
         return f"annual rate of {name} = {_digits(self.rate)}{limits}"
 
@@ -293,6 +300,7 @@ class Risk:
             "contribution": self.contribution,
             "beyond_hazard": self.beyond_hazard,
             "beyond_curve": self.beyond_curve,
+            "below_curve": self.below_curve,
             "median": self.curve.fit.median,
             "dispersion": self.curve.fit.dispersion,
             "sentences": self.sentences,
@@ -332,9 +340,9 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """
     checks.instance("curve", curve, IntensityCurve)
     checks.instance("hazard", hazard, Hazard)
-    if curve.jumps.size:
-        return _by_jumps(curve, hazard)
     y, weights = _rule(curve, hazard)
+    if np.isfinite(curve.jumps).any():
+        return _by_jumps(curve, hazard, _limits(curve, y, weights * _density(np.ones_like, hazard, y)))
     share = weights * _density(curve, hazard, y)
     rate, (edges, contribution) = float(share.sum()), _contributions(curve, hazard, y, share)
     return Risk(
@@ -344,12 +352,13 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
         contribution,
         _beyond(y, share, hazard.intensity),
         _beyond(y, share, curve.intensity),
+        _beyond(y, share, [curve.intensity[0], math.inf]),
         curve,
         hazard,
     )
 
 
-def _by_jumps(curve, hazard):
+def _by_jumps(curve, hazard, limits):
     """Return the `Risk` of motions without noise, from the intensities at which their outcomes change."""
     signs = 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
 
@@ -359,8 +368,8 @@ def _by_jumps(curve, hazard):
 
     rates, lowest = above(0.0), np.nanmin(curve.jumps)
     rate = float(rates.mean())
-    drawn = np.random.default_rng(1).integers(0, rates.size, (999, rates.size))
-    low, high = np.quantile(rates[drawn].mean(axis=1), [0.025, 0.975]).tolist()
+    # The limits are those of the population's curve; the mean over these motions is a point of them.
+    limits = min(limits[0], rate), max(limits[1], rate)
     ends = []
     for part in (1.0 - 5e-4, 5e-4):
         left, right = math.log(lowest), math.log(lowest) + _TAIL * math.log(10.0) / hazard.exponents.min()
@@ -370,8 +379,10 @@ def _by_jumps(curve, hazard):
         ends.append(right)
     edges = np.exp(np.linspace(ends[0], ends[1], 25))
     share = np.array([above(edge).mean() for edge in edges]) / rate
-    first, last, most = (above(one).mean() / rate for one in (*hazard.intensity[[0, -1]], curve.intensity[-1]))
-    return Risk(rate, (low, high), edges, -np.diff(share), 1.0 - first + last, most, curve, hazard)
+    points = *hazard.intensity[[0, -1]], *curve.intensity[[0, -1]]
+    first, last, least, most = (above(one).mean() / rate for one in points)
+    below = 1.0 - least
+    return Risk(rate, limits, edges, -np.diff(share), 1.0 - first + last, most, below, curve, hazard)
 
 
 def _digits(rate):
@@ -383,17 +394,16 @@ def _rule(curve, hazard):
     """Nodes in ln(im) and weights, which part at the points of the hazard, and at those of a curve without a fit."""
     steep, gentle = hazard.exponents.max(), hazard.exponents.min()
     points = np.log(hazard.intensity)
+    spread = curve.tail
+    # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
+    low = math.log(curve.fit.median if curve.fitted else curve.intensity[0]) - steep * spread**2 - _TAIL * spread
+    high = _TAIL * math.log(10.0) / gentle
     if curve.fitted:
-        spread, middle = curve.fit.dispersion, math.log(curve.fit.median)
-        # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
-        low = middle - steep * spread**2 - _TAIL * spread
-        high = middle + _TAIL * spread + _TAIL * math.log(10.0) / gentle
-        width = 0.25 * spread
+        high += math.log(curve.fit.median) + _TAIL * spread
     else:
         points = np.concatenate([points, np.log(curve.intensity)])
-        low, high = math.log(curve.intensity[0]), math.log(curve.intensity[-1]) + _TAIL * math.log(10.0) / gentle
-        width = math.inf
-    width = min(width, 1.0 / steep)
+        high += math.log(curve.intensity[-1])
+    width = min(0.25 * spread, 1.0 / steep)
     points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
     parts = [
         np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
@@ -425,10 +435,8 @@ def _limits(curve, y, density):
         return low, high
     if curve.fitted:
         return math.nan, math.nan
-    points, sides = np.log(curve.intensity), curve.redrawn if len(curve.redrawn) else curve.interval.T
-    rates = [density @ np.interp(y, points, np.maximum.accumulate(side), left=0.0) for side in sides]
-    low, high = np.quantile(rates, [0.025, 0.975]).tolist() if len(curve.redrawn) else rates
-    return float(low), float(high)
+    low, high = (float(density @ curve.along(side, np.exp(y))) for side in curve.interval.T)
+    return low, high
 
 
 def _contributions(curve, hazard, y, share):

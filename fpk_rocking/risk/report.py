@@ -18,7 +18,7 @@ from fpk_rocking.results.style import picture_html
 from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
-from fpk_rocking.studies.picture import logarithmic
+from fpk_rocking.studies.picture import draw_curve, logarithmic
 from fpk_rocking.studies.scenes import intensity_of, measured, motion_lines, motion_names
 
 _CITE = (
@@ -62,7 +62,7 @@ def write_risk_report(path: File, study: Any) -> int:
         _picture(lambda figure, axes: draw_motions(axes, study.recorded, figure), "Accelerations of the motions"),
         table_html(_motions(study)),
         f"<h2>P({html.escape(curve.name)})</h2>",
-        _picture(lambda _, axes: draw_curve(axes, risk, study.records), "Probability against intensity"),
+        _picture(lambda _, axes: draw_curve(axes, curve, study.records), "Probability against intensity"),
         "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in {*risk.sentences, *lines}),
         _sources(curve),
         table_html(_points(curve)),
@@ -198,8 +198,9 @@ def _motions(study):
 
 def _sources(curve):
     """Table of the dispersion of each source."""
-    sources = curve.sources | {"all": curve.fit.dispersion}
-    return table_html({"source": np.array(list(sources)), "dispersion": _digits(sources.values())})
+    sources, errors = curve.sources | {"all": curve.fit.dispersion}, [*curve.source_errors.values(), math.nan]
+    columns = {"source": np.array(list(sources)), "dispersion": _digits(sources.values())}
+    return table_html(columns | {"standard error": _digits(errors)})
 
 
 def _points(curve):
@@ -228,31 +229,10 @@ def risk_figure(path: File, risk: Risk, records: Array) -> None:
     title = f"{risk.title[0].upper()}{risk.title[1:]}"
     with style.page(path, (11.0, 5.2), title, risk.sentences) as figure:
         left, right = figure.subplots(1, 2)
-        draw_curve(left, risk, records)
+        draw_curve(left, risk.curve, records)
         draw_contributions(right, risk)
         left.set_title(f"(a) P({risk.curve.name})")
         right.set_title("(b) Where the rate comes from")
-
-
-def draw_curve(axes: Any, risk: Risk, records: Array) -> None:
-    """Draw the probability with its limits against the intensity, each record, and the curve that is used."""
-    curve, colour = risk.curve, style.COLOURS[0]
-    for number, row in enumerate(records if len(records) > 1 else ()):
-        label = "" if number else f"each of {len(records)} records"
-        axes.plot(curve.intensity, row, color="0.75", linewidth=0.6, label=label)
-    look = {"color": colour, "marker": "o", "label": "mean, 95 % limits", "zorder": 3}
-    style.error_bars(axes, curve.intensity, curve.probability, curve.interval, **look)
-    grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
-    if len(curve.replicates) and curve.fitted:
-        from scipy import special
-
-        medians, spreads = curve.replicates.T[:, :, None]
-        low, high = np.quantile(special.ndtr(np.log(grid / medians) / spreads), [0.025, 0.975], axis=0)
-        axes.fill_between(grid, low, high, color="black", alpha=0.12, linewidth=0.0, label="its 95 % band")
-    axes.plot(grid, curve(grid), color="black", label="lognormal fit" if curve.fitted else "points joined by lines")
-    axes.set(xlabel=_name(risk), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
-    logarithmic(axes.set_xscale, axes.xaxis)
-    axes.legend(loc="upper left", fontsize=8)
 
 
 def draw_contributions(axes: Any, risk: Risk) -> None:

@@ -3,17 +3,17 @@
 ``sweep`` runs Monte Carlo, the density solver or a function of your own on every scene of a list or a grid, on one
 machine or on a cluster. ``fragility`` computes the probability of overturning as a function of the scale of the
 shaking, with a lognormal fit. ``critical_intensities`` searches for the intensities at which each motion overturns a
-block without noise. ``drawn`` makes scenes of blocks whose values are drawn from distributions, and
-``dispersions`` says what each value scatters. ``synthetic_records`` makes ground motions, ``intensities`` measures how
-strong a motion is, and ``ranked`` orders these measures. ``solve_checked`` solves for the density of a scene and
-measures by sampling what the replacement of its noise changes, and ``slenderness_cost`` what it changes to take a block
-as slender.
+block without noise. ``drawn`` makes scenes of blocks whose values are drawn from distributions, and ``IntensityCurve``
+is the curve for others of their kind. ``synthetic_records`` makes ground motions, ``intensities`` measures how strong a
+motion is, and ``ranked`` orders these measures. ``solve_checked`` solves for the density of a scene and measures by
+sampling what the replacement of its noise changes, and ``slenderness_cost`` what it changes to take a block as slender.
 """
 
 from fpk_rocking.studies.critical import CriticalIntensities, critical_intensities
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.drawing import Draws, drawn, synthetic_records
-from fpk_rocking.studies.lognormal import Ranking, dispersions, ranked
+from fpk_rocking.studies.lognormal import Ranking, ranked
+from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import Grid, Intensities, grid, intensities, resized, scaled
 from fpk_rocking.studies.sweeping import Sweep, sweep
@@ -25,12 +25,12 @@ __all__ = [
     "Fragility",
     "Grid",
     "Intensities",
+    "IntensityCurve",
     "Ranking",
     "SlendernessCost",
     "Sweep",
     "checked",
     "critical_intensities",
-    "dispersions",
     "drawn",
     "fragility",
     "grid",

@@ -1,23 +1,17 @@
-"""What speaks against fragility curves: the noise, missing answers, fits that the data reject, few motions."""
+"""What speaks against fragility curves: the noise, missing answers, fits that the data reject."""
 
 from typing import Any
 
 import numpy as np
 
 from fpk_rocking.results.remarks import scene_diagnostics
-from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Diagnostic
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from montecarlo.results.ensemble import path_diagnostics
 
 
 def curve_diagnostics(result: Any) -> list[Diagnostic]:
     """Diagnostics of a `studies.Fragility`, each kind once: its model, its fits, its missing answers."""
-    return (
-        model_diagnostics(result)
-        + _rejected(result)
-        + _falling(result)
-        + (_few_motions(result) if result.mixture else [])
-    )
+    return model_diagnostics(result) + _rejected(result) + _falling(result)
 
 
 def model_diagnostics(result: Any) -> list[Diagnostic]:
@@ -73,7 +67,7 @@ def _falling(result):
     low, high = np.moveaxis(result.interval(0.9999), -1, 0)
     most = np.fmax.accumulate(low, axis=-1)
     fall = np.nan_to_num(most - high, nan=-1.0)
-    fall[result.deterministic & (not result.mixture)] = -1.0
+    fall[result.deterministic] = -1.0
     if fall.max() <= 0.0:
         return []
     m, which, last = np.unravel_index(fall.argmax(), fall.shape)
@@ -85,27 +79,3 @@ def _falling(result):
         f"{curve[last]:.3g} at {scale[last]:.4g}. {repeats}"
     )
     return [Diagnostic(CAUTION, sentence.strip(), "falls")]
-
-
-def _differing(result):
-    """Word for the difference between the scenes of a mean: "motion", "block" (one motion), "block-and-motion pair"."""
-    if len({scene.block for scene in result.scenes}) == 1:
-        return "motion"
-    common = result.intensities[0]
-    shaking = [common.pga, common.pgv] if result.scenes[0].block.dimensions else [common.acceleration, common.velocity]
-    return "block" if np.isfinite(shaking).all() else "block-and-motion pair"
-
-
-def _few_motions(result):
-    """Few motions behind a mean: the sampling error of the mean over others of their kind."""
-    count = len(result.scenes)
-    mean = result.probability[np.isfinite(result.probability)]
-    half = 0.5 * float(np.diff(wilson_interval(mean * count, count)).max(initial=0.0))
-    if half <= UNASKED:
-        return []
-    what = _differing(result) + "s" * (count > 1)
-    sentence = (
-        f"The mean is over {count} {what} alone: for others of their kind its probabilities are "
-        f"known to ±{half:.2g} at worst (95 %, had these been drawn at random), above {UNASKED:g}."
-    )
-    return [Diagnostic(CAUTION, sentence, "few motions")]

@@ -8,7 +8,6 @@ using dynamic structural analysis", Earthquake Spectra 31(1), 579-599, 2015.
 """
 
 import math
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +18,9 @@ from fpk_rocking.base.types import Array, ArrayLike, Number
 
 _STEEPEST = 1e6
 """Factor of a term above which a likelihood counts as one without a maximum."""
+
+REJECTED = 0.05
+"""p-value of the test of lognormal capacities below which a fit is rejected, and so the rate of its false alarms."""
 
 
 class LognormalFit(NamedTuple):
@@ -37,9 +39,9 @@ class LognormalFit(NamedTuple):
     deviance : float
         Twice the log-likelihood ratio of the data to the curve; nan where the fit is not to counts.
     p_value : float
-        Probability that counts drawn from the fitted curve have at least this deviance, by the chi-square distribution
-        with n - 2 degrees of freedom. A small one says that the data are not lognormal. nan where the fit is not to
-        counts.
+        Probability that data drawn from the fitted curve lie as far from it: of counts by the chi-square distribution
+        of the deviance with n - 2 degrees of freedom, of the mean over motions by Lilliefors' test
+        (`fpk_rocking.studies.capacities`). A small one says that the data are not lognormal. nan without a test.
     level : float
         Confidence of the intervals.
     reason : str
@@ -65,9 +67,13 @@ class LognormalFit(NamedTuple):
 
     @property
     def rejected(self) -> str:
-        """Why the data reject the fit, p below 0.01, or without counts a misfit above 0.05; empty where they do not."""
+        """Why the data reject the fit; empty where they do not.
+
+        p is below 0.01 for counts, below 0.05 for the mean over motions; without a test the misfit is above 0.05.
+        """
         if not math.isnan(self.p_value):
-            return f"p = {self.p_value:.2g}, below 0.01" if self.p_value < 0.01 else ""
+            limit = REJECTED if math.isnan(self.deviance) else 0.01
+            return f"p = {self.p_value:.2g}, below {limit}" if self.p_value < limit else ""
         return "misfit above 0.05" if self.misfit > 0.05 else ""
 
     def __call__(self, scale: Number) -> Number:
@@ -137,10 +143,7 @@ def fit_lognormal(
     fit = LognormalFit(median, dispersion, misfit=float(np.abs(fitted - share).max()), level=level)
     if realizations is None:
         return fit
-    # Errors of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
-    change = np.array([[-1.0 / slope, intercept / slope**2], [0.0, -1.0 / slope]])
-    errors = np.sqrt(np.diag(change @ np.linalg.inv(information[0]) @ change.T))
-    reach = np.exp(scipy.special.ndtri(0.5 + 0.5 * level) * errors)
+    reach = np.exp(scipy.special.ndtri(0.5 + 0.5 * level) * _errors(intercept, slope, information[0]))
     deviance = float(_deviance(logs, count[None], trials, curve)[0])
     return fit._replace(
         median_interval=(float(median / reach[0]), float(median * reach[0])),
@@ -150,76 +153,35 @@ def fit_lognormal(
     )
 
 
-def refitted(scale: ArrayLike, shares: Array) -> Array:
-    """Fit lognormal curves to many sets of probabilities at the same scales.
+def fit_rows(logs: Array, shares: Array, rows: Array | None = None) -> tuple[Array, Array, Array, Array]:
+    """Fit a lognormal curve to each of many sets of probabilities at the same scales.
 
     Parameters
     ----------
-    scale : array_like, shape (n,)
-        Above 0.
+    logs : ndarray, shape (n,)
+        Logarithms of the scales.
     shares : ndarray, shape (b, n)
         Probabilities, in [0, 1].
+    rows : ndarray of int, optional
+        Sets to fit; all by default.
 
     Returns
     -------
-    ndarray, shape (c, 2)
-        Median and dispersion, of those sets that determine a curve.
+    rows : ndarray of int, shape (c,)
+        Those that determine a curve.
+    middle, dispersion : ndarray, shape (c,)
+        Logarithm of the median, and β.
+    error : ndarray, shape (c, 2)
+        Standard errors of the logarithms of both, for one realization of each probability.
     """
-    logs, trials = np.log(np.asarray(scale, float)), np.ones(np.size(scale))
-    determined = np.array([not _undetermined(logs, share, trials) for share in shares], bool)
-    if not determined.any():
-        return np.empty((0, 2))
-    intercept, slope = _maximize(np.stack([np.ones_like(logs), logs]), shares[determined], trials)[0].T
-    rises = (slope > 0.0) & (slope < _STEEPEST)
-    return np.stack([np.exp(-intercept[rises] / slope[rises]), 1.0 / slope[rises]], axis=-1)
-
-
-def dispersions(scale: ArrayLike, shares: Array, values: Mapping[str, ArrayLike]) -> dict[str, float]:
-    """Return the dispersion of the capacity, the scale that a block withstands, that each drawn parameter causes.
-
-    Probit regression over all scenes: P = N(b₀ + b₁ ln s + Σ c_j x_j) with the normal scores x_j of the drawn values.
-    A change of x_j by 1, a standard deviation, moves the capacity by c_j/b₁ in the logarithm, which is the dispersion.
-    What else differs between the scenes flattens the curve, b₁ and c_j by the same factor.
-
-    Parameters
-    ----------
-    scale : array_like, shape (n,)
-        Scales or intensities, above 0.
-    shares : ndarray, shape (m, n)
-        Probabilities of each scene.
-    values : dict of str to array_like, (m,)
-        What was drawn for it.
-
-    Returns
-    -------
-    dict of str to float
-        |c_j/b₁| by name; nan where the probabilities do not determine it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from scipy.stats import norm
-    >>> from fpk_rocking.studies import dispersions
-    >>> scale, values = np.geomspace(0.5, 2.0, 5), np.array([0.9, 1.0, 1.1, 1.2])
-    >>> shares = norm.cdf(np.log(scale / values[:, None]) / 0.3)
-    >>> print({name: round(beta, 2) for name, beta in dispersions(scale, shares, {"size": values}).items()})
-    {'size': 0.13}
-    """
-    from scipy import stats
-
-    logs, (scenes, points) = np.log(np.asarray(scale, float)), np.shape(shares)
-    scores = [scipy.special.ndtri((stats.rankdata(column) - 0.5) / scenes) for column in values.values()]
-    design = np.stack(
-        [np.ones(scenes * points), np.tile(logs, scenes), *(np.repeat(score, points) for score in scores)]
-    )
-    share = np.clip(np.ravel(shares), 0.0, 1.0)
-    if not 0.0 < share.mean() < 1.0:
-        return dict.fromkeys(values, math.nan)
-    curve = _maximize(design, share[None], np.ones(share.size))[0][0]
-    rises = 0.0 < curve[1] < 1e3
-    return {
-        name: abs(float(term / curve[1])) if rises else math.nan for name, term in zip(values, curve[2:], strict=True)
-    }
+    trials, rows = np.ones(logs.size), np.arange(len(shares)) if rows is None else rows
+    rows = np.array([row for row in rows if not _undetermined(logs, shares[row], trials)], int)
+    if not rows.size:
+        return rows, np.empty(0), np.empty(0), np.empty((0, 2))
+    curve, information = _maximize(np.stack([np.ones_like(logs), logs]), shares[rows], trials)
+    rises = (curve[:, 1] > 0.0) & (curve[:, 1] < _STEEPEST)
+    intercept, slope = curve[rises].T
+    return rows[rises], -intercept / slope, 1.0 / slope, _errors(intercept, slope, information[rises])
 
 
 class Ranking(NamedTuple):
@@ -298,6 +260,14 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
         deviance = float(_deviance(np.log(values), share[None], np.ones(share.size), curve)[0])
         rankings.append(Ranking(name, deviance if math.isfinite(deviance) else math.inf, fit.median, fit.dispersion))
     return sorted(rankings, key=lambda ranking: ranking.deviance)
+
+
+def _errors(intercept, slope, information):
+    """Return standard errors (..., 2) of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method."""
+    zero = np.zeros_like(slope)
+    change = np.stack([-1.0 / slope, intercept / slope**2, zero, -1.0 / slope], axis=-1).reshape(*slope.shape, 2, 2)
+    covariance = change @ np.linalg.pinv(information, hermitian=True) @ np.swapaxes(change, -1, -2)
+    return np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
 
 
 def _undetermined(logs, count, trials):

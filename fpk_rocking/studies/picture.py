@@ -136,7 +136,7 @@ def message(result: Any) -> str:
 
     They are interpolated between the probabilities, along the logarithm of the scale; no fit is used.
     """
-    if result.deterministic.all() and not result.mixture:
+    if result.deterministic.all():
         return "Fragility"
     halves = np.array([_half(result.scale, curve) for curve in result.overturned])
     halves = halves[np.isfinite(halves)]
@@ -214,6 +214,27 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
     style.error_bars(axes, scale, values, result.interval()[m, which][finite], color=colour, marker=marker, label=label)
 
 
+def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
+    """Draw the probability with its limits against the intensity, each record, and the curve that is used."""
+    colour = style.COLOURS[0]
+    for number, row in enumerate(records if len(records) > 1 else ()):
+        label = "" if number else f"each of {len(records)} records"
+        axes.plot(curve.intensity, row, color="0.75", linewidth=0.6, label=label)
+    look = {"color": colour, "marker": "o", "label": "mean, 95 % limits", "zorder": 3}
+    style.error_bars(axes, curve.intensity, curve.probability, curve.interval, **look)
+    grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
+    if len(curve.replicates) and curve.fitted:
+        from scipy import special
+
+        medians, spreads = curve.replicates.T[:, :, None]
+        low, high = np.quantile(special.ndtr(np.log(grid / medians) / spreads), [0.025, 0.975], axis=0)
+        axes.fill_between(grid, low, high, color="black", alpha=0.12, linewidth=0.0, label="its 95 % band")
+    axes.plot(grid, curve(grid), color="black", label="lognormal fit" if curve.fitted else "points joined by lines")
+    axes.set(xlabel=curve.measure + f", {curve.unit}" * bool(curve.unit), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
+    logarithmic(axes.set_xscale, axes.xaxis)
+    axes.legend(loc="upper left", fontsize=8)
+
+
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
     """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade."""
     from matplotlib.ticker import LogLocator, NullLocator
@@ -253,10 +274,9 @@ def _duration(result):
 
 def size_of(result: Any) -> str:
     """Return how many paths are behind each probability, as a text."""
-    mean = f"{result.label(0)}, " * result.mixture
     if result.deterministic.all():
-        return f"{mean}one path a point"
-    return mean + (f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates")
+        return "one path a point"
+    return f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates"
 
 
 def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
@@ -311,3 +331,12 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     table = text_table(names, *(rows(*place) for place in enumerate(places)))
     seconds = f"{result.wall_s:.1f} s."
     return title, table, verdict_first(result.trust, *fits, *motions, *notes, seconds, *result.remarks)
+
+
+def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tuple[str, ...]]:
+    """Return title, table and closing sentences of an `IntensityCurve`, a line for each motion last."""
+    columns = curve.table()
+    rows = zip(
+        *([f"{value:.4g}" if np.isfinite(value) else "-" for value in one] for one in columns.values()), strict=True
+    )
+    return curve.title, text_table(list(columns), rows), verdict_first(curve.trust, curve.describe(), *curve.remarks, *motions)

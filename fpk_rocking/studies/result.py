@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, MotionOutcomes, motion_table
 from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
+from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.scenes import Intensities, measured, motion_names
 from montecarlo.results.ensemble import EXACT_PATH
 
@@ -31,12 +32,12 @@ class Fragility(Saved, Result):
     Parameters
     ----------
     scenes : tuple of Scene, (m,)
-        The scenes at scale 1. Of a mixture all of its scenes, while m = 1.
+        The scenes at scale 1.
     axis : str
         Name of the parameter in which the scenes differ, as `fpk_rocking.studies.scenes.varied` takes it; "scene" for
         a list of scenes.
     place : ndarray, shape (m,)
-        Values of this parameter; numbers from 0 for "scene", nan for a mixture.
+        Values of this parameter; numbers from 0 for "scene".
     level : ndarray, shape (l,)
         Levels of the largest |Θ|, in units of θ_cr.
     scale : ndarray, shape (n,)
@@ -60,8 +61,6 @@ class Fragility(Saved, Result):
         Why the engine gave no answer, by the indices "scene,level,scale" into `probability`.
     wall_s : float
         Seconds that the call took.
-    mixture : bool
-        Whether the one curve is for a motion drawn from the scenes with equal probability (`pooled`).
     motions : MotionOutcomes or None
         Of scenes without noise by the method "exact" all scales at which an outcome changes, and what each scene does
         at scale 1; None of others.
@@ -96,11 +95,10 @@ class Fragility(Saved, Result):
     noise_replacement: str
     reasons: dict[str, str]
     wall_s: float
-    mixture: bool = False
     motions: MotionOutcomes | None = None
 
     def __post_init__(self) -> None:
-        if len(self.place) != (1 if self.mixture else len(self.scenes)):
+        if len(self.place) != len(self.scenes):
             raise ValueError(f"{len(self.scenes)} scenes for {len(self.place)} places")
         super().__post_init__()
 
@@ -117,8 +115,7 @@ class Fragility(Saved, Result):
     @property
     def deterministic(self) -> Array:
         """Whether nothing is random behind a curve, so that each scale has one outcome of each scene, shape (m,)."""
-        paths = [scene.deterministic and self.realizations > 0 for scene in self.scenes]
-        return np.array([all(paths)] if self.mixture else paths)
+        return np.array([scene.deterministic and self.realizations > 0 for scene in self.scenes])
 
     def interval(self, level: float = 0.95) -> Array:
         """Return limits of the probabilities.
@@ -167,49 +164,26 @@ class Fragility(Saved, Result):
     def fits(self) -> list[list[LognormalFit]]:
         """Lognormal fit of each curve, with 95 % intervals of a sample: a list (m) of lists (l + 1) of `LognormalFit`.
 
-        The outcomes of one deterministic scene are not fitted. A mixture of such scenes is, without intervals: its
-        probabilities are no counts of independent samples.
+        The outcomes of a deterministic scene are not fitted.
         """
         scenes = zip(self.probability, self.deterministic, strict=True)
         return [[self._fit(curve, still) for curve in curves] for curves, still in scenes]
 
     def _fit(self, curve, deterministic):
-        """`LognormalFit` of one curve of probabilities; for one deterministic scene the reason why there is none."""
-        if deterministic and not self.mixture:
+        """`LognormalFit` of one curve of probabilities; of a deterministic scene the reason why there is none."""
+        if deterministic:
             return LognormalFit(reason=f"deterministic: {_outcomes(self.scale, curve)}")
-        return fit_lognormal(self.scale, curve, None if deterministic else self.realizations or None)
+        return fit_lognormal(self.scale, curve, self.realizations or None)
 
     @functools.cached_property
     def intensities(self) -> list[Intensities]:
-        """Intensity measures of each scene at scale 1, a list (m); they are proportional to the scale.
-
-        Of a mixture those that its scenes have in common, and nan where they differ.
-        """
-        measures = [measured(scene) for scene in self.scenes]
-        return [Intensities(*map(_common, zip(*measures, strict=True)))] if self.mixture else measures
+        """Intensity measures of each scene at scale 1, a list (m); they are proportional to the scale."""
+        return [measured(scene) for scene in self.scenes]
 
     @functools.cached_property
-    def pooled(self) -> Self:
-        """Fragility of a motion drawn from the scenes with equal probability: the mean over them, as one scene.
-
-        Its intervals and fits are for a motion drawn from these scenes, not for other motions of their kind; the
-        verdict has the larger sampling error for those.
-        """
-        if self.mixture:
-            return self
-        mean = self.probability.mean(axis=0, keepdims=True)
-        error = self.error_estimate.mean(axis=0, keepdims=True)
-        return dataclasses.replace(
-            self,
-            axis="scene",
-            place=np.full(1, np.nan),
-            probability=mean,
-            error_estimate=error,
-            # Values of a parameter share random numbers, so together they are no larger sample.
-            realizations=self.realizations * (len(self.scenes) if self.axis == "scene" else 1),
-            reasons={",".join(["0", *place.split(",")[1:]]): reason for place, reason in self.reasons.items()},
-            mixture=True,
-        )
+    def pooled(self) -> IntensityCurve:
+        """Overturning against the scale, for a motion drawn from the population of the scenes: `IntensityCurve.of`."""
+        return IntensityCurve.of(self, "scale")
 
     @property
     def names(self) -> list[str]:
@@ -236,8 +210,6 @@ class Fragility(Saved, Result):
         -------
         str
         """
-        if self.mixture:
-            return f"mean of {len(self.scenes)} scenes"
         sizes = [one.block.dimensions for one in self.scenes]
         size = sizes[scene]
         if self.axis != "scene":
@@ -287,7 +259,7 @@ class Fragility(Saved, Result):
         fit = self.fits[0][0]
         fitted = count == 1 and not fit.reason and not (fit.rejected and self._beyond(fit))
         lognormal = f", median {fit.median:.3g}, dispersion {fit.dispersion:.2g}" if fitted else ""
-        scenes = self.label(0) if self.mixture else f"{count} scene{'s' * (count > 1)}"
+        scenes = f"{count} scene{'s' * (count > 1)}"
         return f"by {self.engine}, {scenes} at {self.scale.size} scales from {low:.3g} to {high:.3g}{lognormal}"
 
     def _beyond(self, fit: LognormalFit) -> bool:
@@ -331,10 +303,8 @@ class Fragility(Saved, Result):
         limits, dims, last = self.interval(), (self.axis, "level", "scale"), len(self.level)
         angles = [scene.overturning.angle for scene in self.scenes]
         degrees = [math.degrees(scene.block.critical_angle) or math.nan for scene in self.scenes]
-        if self.mixture:
-            angles, degrees = [_common(angles)], [_common(degrees)]
-        place: Any = range(len(self.place)) if self.axis == "scene" and not self.mixture else self.place
-        place = motion_names(self.scenes) if self._of_motions and not self.mixture else place
+        place: Any = range(len(self.place)) if self.axis == "scene" else self.place
+        place = motion_names(self.scenes) if self._of_motions else place
         levels = np.array([[angle, *self.level] for angle in angles])
         fitted = [
             [np.full(len(self.scale), math.nan) if fit.reason else fit(self.scale) for fit in fits]

@@ -373,6 +373,45 @@ def intensity_of(scene: Scene, measure: str) -> float:
     return peak
 
 
+def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
+    """Return a scene whose forcing is scaled to an intensity.
+
+    With the default value, the scales of `fpk_rocking.studies.fragility` of such scenes are the intensity itself: all
+    records of a suite are then compared at equal intensities (stripes).
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s), of the forcing without the noise.
+    value : float
+        Intensity, in its unit, above 0.
+    noise : bool
+        Whether the noise is scaled too.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import at_intensity
+    >>> from fpk_rocking.studies import intensities
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> print(f"{intensities(at_intensity(rack, 'PGV', 0.5)).pgv:.2f} m/s")
+    0.50 m/s
+    """
+    value = checks.number("value", value, above=0.0)
+    return scaled(scene, value / intensity_of(scene, measure), noise=noise)
+
+
 def recorded_scenes(
     scene: Scene,
     records: Sequence[Forcing | File],

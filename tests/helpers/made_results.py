@@ -19,7 +19,8 @@ from fpk_rocking.density.space.space import Space
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.binning import joint_edges, shown_edges
-from fpk_rocking.studies import CriticalIntensities, Fragility, Sweep
+from fpk_rocking.studies import CriticalIntensities, Fragility, IntensityCurve, Sweep
+from fpk_rocking.studies.lognormal import LognormalFit
 from montecarlo import Ensemble, Histories, Splitting, Tally
 from montecarlo.results.counts import PARTS, Counts
 
@@ -307,6 +308,22 @@ def fragility(axis="scene", sampled=True):
     return Made(result, columns, variables, {axis: place, "level": [math.inf, *LEVELS], "scale": SCALES})
 
 
+def pooled():
+    """A curve over 130 intensities for a motion drawn from a population."""
+    intensity, rng = np.geomspace(0.1, 3.0, 130), np.random.default_rng(13)
+    share = np.sort(rng.uniform(0.0, 1.0, 130))
+    limits = np.stack([0.8 * share, 0.8 * share + 0.2], axis=-1)
+    fit = LognormalFit(0.7, 0.4, (0.6, 0.8), (0.3, 0.6), misfit=0.1, p_value=0.4)
+    result = IntensityCurve(
+        "overturned", "PGV", intensity, share, limits, fit, np.array([[0.6, 0.3], [0.8, 0.5]]), 8, {"noise": 0.2},
+        {"noise": 0.01}, 8, BLOCKS,
+    )  # fmt: skip
+    columns = {"PGV_m_per_s": intensity, "probability": share, "low": limits[:, 0], "high": limits[:, 1]}
+    columns["lognormal"] = stats.norm.cdf(np.log(intensity / 0.7) / 0.4)
+    variables = {name: (("PGV_m_per_s",), values) for name, values in columns.items() if name != "PGV_m_per_s"}
+    return Made(result, columns, variables, {"PGV_m_per_s": intensity})
+
+
 def sweep(gridded=True):
     rng, count = np.random.default_rng(12), 132
     axes = {"a": tuple(np.arange(11.0)), "b": tuple(10.0 + np.arange(12.0) ** 2)} if gridded else {}
@@ -432,6 +449,7 @@ KINDS = {
     "fragility by density": functools.partial(fragility, sampled=False),
     "surface": functools.partial(fragility, "size"),
     "critical": critical,
+    "pooled": pooled,
     "sweep": sweep,
     "list": functools.partial(sweep, gridded=False),
     "operator": operator,

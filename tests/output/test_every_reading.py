@@ -196,7 +196,7 @@ def test_every_row_of_a_report(name, tmp_path):
     head, rows, _ = written(result, tmp_path)
     known = {one: values for one, values in columns.items() if values.dtype.kind != "f" or not np.isnan(values).all()}
     units = {"time": "time τ", "wall_s": "wall, s", "level_deg": "level, degrees", "pga_g": "pga, g"}
-    units |= {"pgv_m_per_s": "pgv, m/s", "overturn_s": "overturn, s"}
+    units |= {"pgv_m_per_s": "pgv, m/s", "overturn_s": "overturn, s", "PGV_m_per_s": "PGV, m/s"}
     assert head == [units.get(one, one.replace("_", " ")) for one in known]
     assert len(rows) == len(next(iter(columns.values())))
     for texts, values in zip(zip(*rows, strict=True), known.values(), strict=True):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_risk import SCALES, curve_of
 
-from fpk_rocking.risk import IntensityCurve, to_csv, to_nrml, to_pelicun
+from fpk_rocking.risk import IntensityCurve, to_nrml, to_pelicun
 from fpk_rocking.studies.lognormal import LognormalFit
 
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
@@ -95,21 +95,6 @@ def test_a_row_of_pelicun(tmp_path, fitted):
 def test_pelicun_takes_no_points_that_end_below_certainty(tmp_path):
     with pytest.raises(ValueError, match=r"^probability\[-1\]: got 0\.99.*go on to higher intensities"):
         to_pelicun(tmp_path / "x", refused(curve_of()), "RACK")
-
-
-def test_a_table_with_units(tmp_path):
-    file, curve = tmp_path / "curve.csv", curve_of()
-    to_csv(file, curve)
-    comment, *lines = file.read_text().splitlines()
-    assert "median 0.7 m/s, dispersion 0.4" in comment
-    assert "Wilson" not in comment
-    suite = IntensityCurve(**{**vars(curve), "records": 8, "redrawn": np.ones((2, 12))})
-    to_csv(tmp_path / "suite.csv", suite)
-    assert "for other records of their kind, by bootstrap; Wilson's where" in (tmp_path / "suite.csv").read_text()
-    rows = list(csv.DictReader(lines))
-    assert list(rows[0]) == ["PGV_m_per_s", "probability", "low", "high", "lognormal"]
-    table = np.array([list(map(float, row.values())) for row in rows])
-    assert np.array_equal(table, np.column_stack([SCALES, curve.probability, curve.interval, curve.fit(SCALES)]))
 
 
 def test_what_cannot_be_written_is_refused_by_name(tmp_path):

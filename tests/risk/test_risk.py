@@ -7,9 +7,9 @@ import math
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli, studies
-from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.trust import CAUTION, UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.studies import drawn, fragility, synthetic_records
@@ -29,7 +29,7 @@ def curve_of(median=0.7, spread=0.4, records=1, replicates=None):
     share = fit(SCALES)
     limits = np.stack([0.9 * share, np.minimum(1.0, 1.1 * share)], axis=-1)
     own = np.empty((0, 2)) if replicates is None else np.asarray(replicates, float)
-    return IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, records, math.nan, math.nan)
+    return IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, records, units=records)
 
 
 @pytest.mark.parametrize("median", [0.05, 0.7, 20.0])
@@ -64,12 +64,18 @@ def test_a_curve_of_points_is_joined_by_lines_in_the_logarithm():
     curve = curve_of()
     points = IntensityCurve(**{**vars(curve), "fit": LognormalFit(reason="none")})
     hazard = Hazard.power_law(1e-3, 2.0)
-    grid = np.linspace(math.log(SCALES[0]), math.log(SCALES[-1]) + 20.0, 2_000_001)
+    grid = np.linspace(math.log(SCALES[0]) - 7.0, math.log(SCALES[-1]) + 20.0, 2_000_001)
     middle = 0.5 * (grid[1:] + grid[:-1])
     rates = hazard(np.exp(grid))
     for side, found in ((curve.probability, "rate"), (curve.interval[:, 0], 0), (curve.interval[:, 1], 1)):
-        direct = (np.interp(middle, np.log(SCALES), side) * -np.diff(rates)).sum()
+        joined = np.interp(middle, np.log(SCALES), side)
+        below = stats.norm.cdf(stats.norm.ppf(side[0]) + (middle - math.log(SCALES[0])) / 0.5)
+        shares = np.where(middle < math.log(SCALES[0]), below, joined) * -np.diff(rates)
+        direct = shares.sum()
         risk = annual_frequency(points, hazard)
+        if found == "rate":
+            assert risk.below_curve == pytest.approx(shares[middle < math.log(SCALES[0])].sum() / direct, rel=1e-4)
+            assert f"fragility give {100 * risk.below_curve:.2g} % of the rate." in risk.sentences[0]
         assert (risk.rate if found == "rate" else risk.interval[found]) == pytest.approx(direct, rel=1e-6)
 
 
@@ -88,9 +94,9 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
         dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
     )
     assert "upper limits, which is wider than the limits of a fit" in points.sentences[0]
-    assert "the fragility, where the probability is 0 below, the last one above: " in points.sentences[1]
+    assert "the fragility, where a lognormal curve of dispersion 0.5 goes on below, the last " in points.sentences[1]
     assert [diagnostic.kind for diagnostic in risk.diagnostics][:1] == ["the hazard curve"]
-    assert risk.relative_error == pytest.approx((risk.interval[1] - risk.interval[0]) / (2 * 1.96 * risk.rate))
+    assert risk.relative_error == pytest.approx(math.log(risk.interval[1] / risk.interval[0]) / (2 * 1.96))
     wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
     assert wide.beyond_hazard < 1e-6
     assert wide.beyond_curve < 0.05
@@ -198,9 +204,11 @@ def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9))) for n in range(60)]
     shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
     curve = IntensityCurve.of(made(shares, scenes, 1_000_000), "PGV", samples=400)
-    assert curve.within == pytest.approx(0.3, abs=0.003)
-    assert curve.between == pytest.approx(np.log(medians).std(), abs=0.02)
-    assert curve.fit.dispersion == pytest.approx(math.hypot(curve.within, curve.between), rel=1e-12)
+    noise, between = curve.sources["noise"], curve.sources["record to record"]
+    assert noise == pytest.approx(0.3, abs=0.003)
+    assert between == pytest.approx(np.log(medians).std(), abs=0.02)
+    assert curve.fit.dispersion == pytest.approx(math.hypot(noise, between), rel=1e-12)
+    assert curve.source_errors["record to record"] == pytest.approx(0.4 / math.sqrt(2 * 59), rel=0.3)
     assert curve.fit.median == pytest.approx(np.exp(np.log(medians).mean()), rel=0.03)
     low, high = curve.fit.median_interval
     assert math.log(high / low) == pytest.approx(2 * 1.96 * 0.4 / math.sqrt(60), rel=0.25)
@@ -210,7 +218,7 @@ def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():
 def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
     """80 records of β_R = .3 with 4 blocks each of β_j = .25, noise .2: 4 standard errors of 80, false alarm 1e-4.
 
-    The bootstrap draws records, and their blocks with them: its interval is wider than that of 320 motions.
+    Blocks under one record are no motions of their own: the interval is wider than that of 320 motions.
     """
     scene = at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))
     rng = np.random.default_rng(8)
@@ -219,10 +227,11 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
     medians = 0.7 * np.exp(0.3 * np.repeat(rng.standard_normal(80), 4) - 0.25 * scores)
     shares = [LognormalFit(m, 0.2)(SCALES) for m in medians]
     curve = IntensityCurve.of(made(shares, draws.scenes, 1_000_000), "PGV", draws=draws, samples=400)
-    assert (curve.records, list(curve.blocks)) == (80, ["block.restitution"])
-    assert curve.within == pytest.approx(0.2, abs=0.01)
-    assert curve.blocks["block.restitution"] == pytest.approx(0.25, abs=0.07)
-    assert curve.between == pytest.approx(0.3, abs=0.1)
+    assert (curve.records, list(curve.sources)) == (80, ["noise", "block.restitution", "record to record"])
+    assert curve.sources["noise"] == pytest.approx(0.2, abs=0.01)
+    assert curve.sources["block.restitution"] == pytest.approx(0.25, abs=0.02)
+    assert curve.source_errors["block.restitution"] < 0.01  # the medians are nothing but the value and the record
+    assert curve.sources["record to record"] == pytest.approx(0.3, abs=0.1)
     total = math.sqrt(sum(value**2 for value in curve.sources.values()))
     assert total == pytest.approx(curve.fit.dispersion, rel=1e-12)
     low, high = curve.fit.median_interval
@@ -230,47 +239,36 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
     one = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
     alone = IntensityCurve.of(made(shares, one.scenes, 1_000_000), "PGV", draws=one, samples=200)
     assert alone.records == 1
-    assert math.isnan(alone.between)
+    assert list(alone.sources) == ["noise", "block.restitution"]
     assert math.log(alone.fit.median_interval[1] / alone.fit.median_interval[0]) < 0.9 * math.log(high / low)
 
 
-def test_intervals_over_records_cover():
-    """200 suites of 30 records: the 95 % interval contains the median of the population .90 to .99 of the times.
-
-    Bootstrap over 30 records covers about .935; outside .90 to .99 by chance with 1 %.
-    """
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))] * 30
-    rng, hits = np.random.default_rng(5), 0
-    for _ in range(200):
-        medians = 0.7 * np.exp(0.4 * rng.standard_normal(30))
-        shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
-        low, high = IntensityCurve.of(made(shares, scenes, 10_000), "PGV", samples=100).fit.median_interval
-        hits += low <= 0.7 <= high
-    assert 180 <= hits <= 198
+def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
+    """Two groups of motions, 8 and 12: Clopper and Pearson's for 20, by an independent function."""
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 20
+    shares = [(one < SCALES).astype(float) for one in [0.2] * 8 + [2.0] * 12]
+    curve = IntensityCurve.of(made(shares, scenes, 1), "PGV")
+    assert curve.fit.rejected
+    assert curve.fit.rejected.endswith("below 0.05")
+    for share, limits in zip(curve.probability, curve.interval, strict=True):
+        proper = stats.binomtest(round(20 * share), 20).proportion_ci(method="exact")
+        assert limits == pytest.approx((proper.low, proper.high), abs=1e-9)
+    assert np.array_equal(curve(SCALES), curve.probability)
 
 
-def test_limits_over_records_that_agree_are_wilsons_and_those_of_points_are_drawn_with_the_records():
-    """Where no record overturns a block the bootstrap has no width; elsewhere it stands."""
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))] * 10
-    shares = np.clip((np.arange(12) - 2.0 - np.linspace(0.0, 4.0, 10)[:, None]) / 3.0, 0.0, 1.0)
-    curve = IntensityCurve.of(made(shares, scenes, 1000), "PGV", samples=500)
-    few = np.minimum(curve.probability, 1.0 - curve.probability) < 0.1
-    wilson = wilson_interval(10 * curve.probability, 10)
-    assert few.any()
-    assert curve.interval[few] == pytest.approx(wilson[few])
-    assert curve.interval[0, 1] > 0.2
-    drawn_again = np.quantile(curve.redrawn, [0.025, 0.975], axis=0).T
-    assert curve.interval[~few] == pytest.approx(drawn_again[~few])
-    points = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
-    risk = annual_frequency(points, Hazard.power_law(1e-3, 2.0))
-    rates = [
-        annual_frequency(dataclasses.replace(points, probability=one), risk.hazard).rate for one in curve.redrawn[:100]
-    ]
-    low, high = risk.interval
-    assert 85 <= sum(low <= rate <= high for rate in rates) <= 100  # 95 of 100, a false alarm of 1e-4
-    assert (
-        high - low
-        < 0.7 * (annual_frequency(dataclasses.replace(points, redrawn=np.empty((0, 0))), risk.hazard).interval[1])
+def test_where_nothing_overturns_the_upper_limits_are_above_zero():
+    """None of 8 motions, without noise: .369 at each intensity, and a rate below that of such a curve."""
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 8
+    curve = IntensityCurve.of(made(np.zeros((8, 12)), scenes, 1), "PGV")
+    upper = stats.binomtest(0, 8).proportion_ci(method="exact").high
+    assert curve.interval == pytest.approx(np.tile([0.0, upper], (12, 1)))
+    risk = annual_frequency(curve, Hazard.power_law(1e-3, 2.0))
+    grid = np.linspace(-12.0, 12.0, 400_001)
+    law = np.where(grid < 0.0, stats.norm.cdf(stats.norm.ppf(upper) + grid / 0.5), upper)
+    wanted = np.trapezoid(law * 2e-3 * np.exp(-2.0 * (grid + math.log(SCALES[0]))), grid)
+    assert (risk.rate, *risk.interval) == pytest.approx((0.0, 0.0, wanted), rel=1e-4)
+    assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
+        "e-0", "e-"
     )
 
 
@@ -286,7 +284,7 @@ def test_one_scene_has_the_limits_of_its_sample():
     for mine, other in zip(curve.fit.median_interval, direct.median_interval, strict=True):
         assert math.log(mine / direct.median) == pytest.approx(math.log(other / direct.median), rel=0.15)
     assert curve.records == 1
-    assert math.isnan(curve.between)
+    assert curve.sources == {"noise": curve.fit.dispersion}
 
 
 def test_what_is_no_suite_is_refused_by_name():
@@ -295,14 +293,15 @@ def test_what_is_no_suite_is_refused_by_name():
     with pytest.raises(ValueError, match=r"PGV of the scenes at scale 1: got .*at_intensity"):
         IntensityCurve.of(made(shares, scenes, 100), "PGV")
     equal = [at_intensity(scene) for scene in scenes]
-    with pytest.raises(ValueError, match=r"records: got 3, accepted: at least 5, or one scene"):
-        IntensityCurve.of(made(shares[:3], equal[:3], 100), "PGV")
-    with pytest.raises(ValueError, match=r"fragility: got .*before `pooled`"):
-        IntensityCurve.of(made(shares, equal, 100).pooled, "PGV")
+    sizes = dataclasses.replace(made(shares, equal, 100), axis="size")
+    with pytest.raises(ValueError, match=r"fragility: got .* of one scene, or of a list of scenes"):
+        IntensityCurve.of(sizes, "PGV")
     shares = np.array(shares)
     shares[2, 3] = np.nan
-    with pytest.raises(ValueError, match="no probability at 1 points"):
-        IntensityCurve.of(made(shares, equal, 100), "PGV")
+    curve = IntensityCurve.of(made(shares, equal, 100), "PGV")
+    assert curve.intensity == pytest.approx(np.delete(SCALES, 3), rel=1e-12)
+    with pytest.raises(ValueError, match="got no scale at which all scenes have a probability"):
+        IntensityCurve.of(made(np.full(shares.shape, np.nan), equal, 100), "PGV")
 
 
 def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
@@ -385,7 +384,7 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     assert cli.main([*arguments, *drawing, "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["draws"]["origin"] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
-    assert list(values["curve"]["blocks"]) == ["size_factor"]
+    assert list(values["curve"]["sources"]) == ["noise", "size_factor", "record to record"]
     assert len(values["fragility"]["overturned"]) == 10
     assert values["risk"]["rate"] == pytest.approx(
         1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2), rel=1e-9
@@ -413,7 +412,6 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
     assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
     assert values["trust"]["verdict"] in {"caution", "do not use"}
-    assert any("limits rest on 5 motions" in reason for reason in values["trust"]["reasons"])
     twice = study(
         changed, [record(1), *map(record, range(1, 5))], Hazard.power_law(1e-3, 2.0), (0.4, 1.6), realizations=5
     )
@@ -486,7 +484,7 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
         assert f"{name}: PGA " in out
     # What is looked at is the curve over both; 3 rows in the terminal and in the report.
     values = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert values["pooled"]["overturned"] == [found.overturned.mean(axis=0).tolist()]
+    assert values["pooled"]["probability"] == pytest.approx(found.overturned.mean(axis=0))
     for share in values["pooled"]["overturned"][0]:
         assert f"{share:.4f}" in out
     words[words.index("--scales")] = "--pgv"
@@ -561,7 +559,12 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
             "risk",
         ],
         "records: got 3, accepted: 1, or at least 5": ["--synthetic", "3"],
-        "blocks: got 1, accepted: at least 5 for one motion": ["--uncertain", "size_factor=uniform:0.9:1.1"],
+        "blocks: got 1, accepted: at least 5 for one motion": [
+            "--uncertain",
+            "size_factor=uniform:0.9:1.1",
+            "--blocks",
+            "1",
+        ],
         "name: got 'a b', accepted: up to 75 letters": ["--name", "a b"],
     }
     for said, more in refused.items():

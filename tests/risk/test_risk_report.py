@@ -1,7 +1,6 @@
 """What the report of a risk says of its motions and draws of its block, and its pictures: every line, bar and band."""
 
 import html
-import math
 import re
 import types
 
@@ -28,7 +27,7 @@ def risk_of(fit, replicates=()):
     share = LognormalFit(0.7, 0.4)(SCALES)
     limits = np.stack([0.9 * share, np.minimum(1.0, 1.1 * share)], axis=-1)
     own = np.reshape(replicates, (-1, 2))
-    curve = IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, 3, math.nan, math.nan)
+    curve = IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, 3)
     return annual_frequency(curve, HAZARD)
 
 
@@ -61,7 +60,7 @@ def test_motions_stand_one_above_the_other_in_parts_of_their_peaks(axes):
 def test_the_curve_has_its_points_its_records_and_its_band(axes):
     replicates = [(0.6, 0.3), (0.7, 0.4), (0.8, 0.5)]
     risk, rows = risk_of(LognormalFit(0.7, 0.4, misfit=0.0), replicates), np.linspace(0.0, 1.0, 36).reshape(3, 12)
-    report.draw_curve(axes, risk, rows)
+    report.draw_curve(axes, risk.curve, rows)
     lines = {line.get_label(): line for line in axes.lines}
     records = [line for line in axes.lines if line.get_color() == "0.75"]
     assert [line.get_ydata().tolist() for line in records] == rows.tolist()
@@ -82,7 +81,7 @@ def test_the_curve_has_its_points_its_records_and_its_band(axes):
 
 def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):
     risk = risk_of(LognormalFit(reason="none"), [(0.6, 0.3)])
-    report.draw_curve(axes, risk, np.zeros((1, 12)))
+    report.draw_curve(axes, risk.curve, np.zeros((1, 12)))
     assert [line.get_label() for line in axes.lines if line.get_color() in {"0.75", "black"}] == [
         "points joined by lines"
     ]

@@ -176,4 +176,4 @@ def test_fragility_without_noise_is_by_the_jumps_and_not_by_the_number_of_scales
     many.save(tmp_path / "curves.npz")
     again = Fragility.load(tmp_path / "curves.npz")
     assert np.array_equal(again.motions.jumps, many.motions.jumps, equal_nan=True)
-    assert again.pooled.motions.peak.tolist() == found.peak.tolist()
+    assert again.motions.peak.tolist() == found.peak.tolist()

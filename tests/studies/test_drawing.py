@@ -1,5 +1,6 @@
 """Uncertain blocks, synthetic motions and the order of intensity measures, each against what it was made of."""
 
+import json
 import math
 
 import numpy as np
@@ -8,7 +9,8 @@ from scipy import stats
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Record, Scene, cli
 from fpk_rocking.envelopes import Trapezoid
-from fpk_rocking.studies import dispersions, drawn, fragility, intensities, ranked, synthetic_records
+from fpk_rocking.studies import IntensityCurve, drawn, fragility, intensities, ranked, synthetic_records
+from fpk_rocking.studies.capacities import Capacities
 from fpk_rocking.studies.result import Fragility
 
 SIZE = Dimensions(0.6, 2.0)
@@ -102,13 +104,17 @@ def test_dispersions_are_those_that_the_values_were_given():
     rng = np.random.default_rng(3)
     x, y, z, u = rng.standard_normal((4, 400))
     medians = 0.6 * np.exp(0.3 * x - 0.1 * y + 0.25 * u)
-    scale = np.geomspace(0.05, 8.0, 25)
-    shares = stats.norm.cdf(np.log(scale / medians[:, None]) / 0.2)
-    found = dispersions(scale, shares, {"x": np.exp(x), "y": y, "z": z})
-    assert found == pytest.approx({"x": 0.3, "y": 0.1, "z": 0.0}, abs=0.05)
-    steps = (scale > medians[:, None]).astype(float)  # deterministic blocks
-    assert dispersions(scale, steps, {"x": x, "y": y}) == pytest.approx({"x": 0.3, "y": 0.1}, abs=0.05)
-    assert math.isnan(dispersions(scale, np.zeros((400, 25)), {"x": x})["x"])
+    scale, values = np.geomspace(0.05, 8.0, 25), {"x": np.exp(x), "y": y, "z": z}
+    for shares, trials in (
+        (stats.norm.cdf(np.log(scale / medians[:, None]) / 0.2), 0),
+        ((scale > medians[:, None]).astype(float), 1),  # deterministic blocks
+    ):
+        capacities = Capacities.of(scale, shares, trials, np.arange(400))
+        found = capacities.parts(capacities.draws(50, rng)[1], values)
+        assert {name: value for name, (value, _) in found.items()} == pytest.approx(
+            {"x": 0.3, "y": 0.1, "z": 0.0}, abs=0.05
+        )
+        assert [error for _, error in found.values()] == pytest.approx([0.0125] * 3, rel=0.2)
 
 
 def test_uncertain_restitution_widens_a_curve_on_the_command_line(capsys, tmp_path):
@@ -120,15 +126,16 @@ def test_uncertain_restitution_widens_a_curve_on_the_command_line(capsys, tmp_pa
     printed = capsys.readouterr().out
     draws = drawn(SCENE, {"block.restitution": "uniform:0.6:0.95"}, 6)
     found = fragility(draws.scenes, scale=(1.0, 2.0, 4.0), cycles=3, realizations=40)
-    assert f'"overturned": [{found.overturned.mean(axis=0).tolist()}]' in printed
-    expected = dispersions(found.scale, found.overturned, draws.values)["block.restitution"]
-    assert f'"dispersion_of": {{"block.restitution": {expected!r}}}' in printed
+    values, curve = json.loads(printed), IntensityCurve.of(found, "scale", draws=draws)
+    assert values["overturned"] == found.overturned.tolist()
+    assert values["pooled"]["probability"] == curve.probability.tolist()
+    assert values["pooled"]["sources"] == curve.sources
+    assert curve.units == 6
     assert cli.main([*arguments[:2], "--scales", "1,2", "--uncertain", "size_factor=uniform:0.9:1.1", "--blocks", "3",
                      "--cycles", "1", "--realizations", "5"]) == 0  # fmt: skip
     printed = " ".join(capsys.readouterr().out.split())
-    assert " 0.400 0.416 " in printed  # PGA in g and PGV in m/s, which blocks of other sizes have in common
-    assert "Dispersion of the capacity, the scale that a block withstands: " in printed
-    assert "The mean is over 3 blocks alone" in printed
+    assert "against scale, from 3 blocks" in printed
+    assert "For others of their kind 3 blocks tell the probabilities to ±" in printed
     for wrong in (["--pga", "0.4"], ["--blocks", "3"], ["--uncertain", "x"], [*given, "--over", "width=1,2"]):
         assert cli.main([*arguments, *wrong]) == 2
         assert "accepted: " in capsys.readouterr().err

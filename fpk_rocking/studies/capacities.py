@@ -1,0 +1,313 @@
+"""Capacities: the logarithm of the scale at which each motion overturns a block, and what they say of other motions.
+
+Motions are taken as drawn from a population whose capacities are normal, N(μ, σ_r²), so that the fragility of a motion
+drawn from it is lognormal. Noise adds β_n² to the variance, and blocks that are drawn for a motion σ_b² (a one-way
+random effect). Of complete capacities, n motions with variance s², generalized pivotal draws
+
+    σ*² = (n - 1) s²/χ²_{n-1},    μ* = mean + Z σ*/√n
+
+have the frequencies that 95 % limits promise, whatever the number of motions; they are the posterior under the prior
+dμ dσ/σ. What is not complete (brackets between two scales, motions that stand over all of them, samples of noise) is
+drawn from its conditional distribution in turn with μ and σ (data augmentation: M. A. Tanner and W. H. Wong, J. Am.
+Stat. Assoc. 82, 528-540, 1987). Generalized pivots: S. Weerahandi, J. Am. Stat. Assoc. 88, 899-905, 1993.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.studies.lognormal import fit_rows
+
+_SWEEPS = 25
+"""Sweeps of the data augmentation; twice as many move limits by less than what 999 draws scatter."""
+
+_STEADY = 0.3
+"""Standard error of ln β above which a row has no dispersion of its own."""
+
+_SETS = 399
+"""Suites that the distribution of the test is simulated with."""
+
+
+class Capacities(NamedTuple):
+    """Capacities of m rows, each a block under a motion: the logarithm of the scale that overturns it.
+
+    Parameters
+    ----------
+    low, high : ndarray, shape (m,)
+        Limits between which each lies; infinite where the row stands at all scales, or overturns at all.
+    middle, error : ndarray, shape (m,)
+        Estimate and its standard error from samples of noise; the error is inf where there is the bracket alone.
+    motion : ndarray of int, shape (m,)
+        Number of the motion of each, from 0.
+    noise, noise_error : float
+        Dispersion β_n that noise adds, root mean square over the motions, and its standard error; 0 without noise.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fpk_rocking.studies.capacities import Capacities
+    >>> found = Capacities.of(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]), 1, [0, 1])
+    >>> print(np.exp(found.low), np.exp(found.high))
+    [1. 2.] [2. 4.]
+    """
+
+    low: Array
+    high: Array
+    middle: Array
+    error: Array
+    motion: Array
+    noise: float = 0.0
+    noise_error: float = 0.0
+
+    @classmethod
+    def exact(cls, critical: ArrayLike, highest: float = math.inf, motion: ArrayLike | None = None) -> "Capacities":
+        """Return the capacities of rows without noise.
+
+        Parameters
+        ----------
+        critical : array_like, shape (m,)
+            Scale at which each motion overturns the block; inf for one that does not up to the highest.
+        highest : float
+            Highest scale of the search.
+        motion : array_like of int, shape (m,), optional
+            Number of the motion of each; by default each has its own.
+        """
+        logs = np.log(np.asarray(critical, float))
+        stands = np.isinf(logs)
+        low = np.where(stands, math.log(highest), logs)
+        motion = np.arange(logs.size) if motion is None else np.unique(motion, return_inverse=True)[1]
+        return cls(low, logs, np.where(stands, 0.0, logs), np.where(stands, math.inf, 0.0), motion)
+
+    @classmethod
+    def of_jumps(cls, jumps: Array, highest: float, motion: ArrayLike) -> "Capacities":
+        """Return the capacities of rows without noise whose outcomes have been searched for.
+
+        A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
+        logarithm: the mean of the probability over the scales stays. The lowest scale of all would fall on and on as a
+        search gets finer (`fpk_rocking.studies.critical`).
+
+        Parameters
+        ----------
+        jumps : ndarray, shape (m, k)
+            Scales, ascending, from which a row overturns (the first, third, ...) or stands (the second, ...), nan
+            behind the last.
+        highest : float
+            Highest scale of the search.
+        motion : array_like of int, shape (m,)
+            Number of the motion of each row.
+        """
+        signs = 1.0 - 2.0 * (np.arange(jumps.shape[1]) % 2)
+        length = np.nansum(signs * np.log(highest / jumps), axis=1)
+        stands = np.isfinite(jumps).sum(axis=1) % 2 == 0
+        return cls.exact(np.where(stands, math.inf, highest * np.exp(-length)), highest, motion)
+
+    @classmethod
+    def of(cls, scale: Array, shares: Array, trials: int, motion: ArrayLike) -> "Capacities":
+        """Return the capacities that probabilities at several scales stand for.
+
+        Parameters
+        ----------
+        scale : ndarray, shape (n,)
+            Ascending.
+        shares : ndarray, shape (m, n)
+            Probabilities of overturning. A row of zeros and ones that falls again counts as overturning at its highest
+            scales, at as many as it has ones.
+        trials : int
+            Size of the samples; 0 for probabilities that are not sampled.
+        motion : array_like of int, shape (m,)
+        """
+        logs, motion = np.log(scale), np.unique(np.asarray(motion), return_inverse=True)[1]
+        size = trials or 1e18
+        first = logs.size - (shares > 0.5).sum(axis=1)
+        ends = np.concatenate([[-math.inf], logs, [math.inf]])
+        low, high = ends[first], ends[first + 1]
+        middle, error = np.zeros(len(shares)), np.full(len(shares), math.inf)
+        random = ((shares > 0.0) & (shares < 1.0)).any(axis=1)
+        rows, medians, spreads, errors = fit_rows(logs, shares, np.flatnonzero(random))
+        errors /= math.sqrt(size)
+        steady = errors[:, 1] < _STEADY
+        if not steady.any():
+            return cls(low, high, middle, error, motion)
+        rows, medians, spreads, errors = rows[steady], medians[steady], spreads[steady], errors[steady]
+        own = np.array([np.mean(spreads[motion[rows] == one] ** 2) for one in np.unique(motion[rows])])
+        noise = math.sqrt(own.mean())
+        scatter = own.std(ddof=1) / math.sqrt(own.size) if own.size > 1 else 2.0 * own[0] * errors[0, 1]
+        # Of a row too poor for a dispersion of its own each sample says where the middle is, given the common one.
+        p = np.clip(shares, 1e-9, 1.0 - 1e-9)
+        z = scipy.special.ndtri(p)
+        weight = np.exp(-z * z) / (p * (1.0 - p)) * ((shares > 0.0) & (shares < 1.0))
+        total = np.where(random, weight.sum(axis=1), 1.0)
+        middle = np.where(random, (weight * (logs - noise * z)).sum(axis=1) / total, middle)
+        error = np.where(random, noise * np.sqrt(2.0 * math.pi / (size * total)), error)
+        middle[rows], error[rows] = medians, errors[:, 0]
+        # At this distance from a scale all of a sample come to one thing as often as not.
+        reach = -noise * scipy.special.ndtri(-math.expm1(-math.log(2.0) / size))
+        low, high = low + reach, high - reach
+        between = ~random & (low > high)
+        middle[between], error[between] = 0.5 * (low + high)[between], noise / math.sqrt(size)
+        free = np.isfinite(error)
+        low, high = np.where(free, -math.inf, low), np.where(free, math.inf, high)
+        return cls(low, high, middle, error, motion, noise, scatter / (2.0 * noise))
+
+    @property
+    def complete(self) -> Array:
+        """Numbers of the motions of which a capacity lies within the scales."""
+        return np.unique(self.motion[np.isfinite(self.error) | (np.isfinite(self.low) & np.isfinite(self.high))])
+
+    def draws(self, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Draw what the population may be.
+
+        Parameters
+        ----------
+        samples : int
+        rng : Generator
+
+        Returns
+        -------
+        population : ndarray, shape (samples, 4)
+            μ, σ_r, σ_b and β_n.
+        capacity : ndarray, shape (samples, m)
+            Those that go with them.
+        """
+        counts = np.bincount(self.motion)
+        motions, rows, size = counts.size, self.motion.size, 1.0 / np.mean(1.0 / counts)
+        mean_of = self.mean_of
+        free = np.isfinite(self.error)
+        low, high = (
+            np.where(np.isfinite(self.low), self.low, self.high),
+            np.where(np.isfinite(self.high), self.high, self.low),
+        )
+        guess = 0.5 * (np.where(free, self.middle, low) + np.where(free, self.middle, high))
+        exact, precision = self.error == 0.0, np.where(self.error > 0.0, self.error, 1.0) ** -2.0
+        values = np.broadcast_to(guess, (samples, rows))
+        wide = max(float(np.std(guess)), 1e-3)
+        own = np.full((samples, 1), 0.0)
+        for sweep in range(1 if exact.all() else _SWEEPS):
+            means = values @ mean_of
+            if rows > motions:
+                within = ((values - means[:, self.motion]) ** 2).sum(axis=1, keepdims=True)
+                own = within / rng.chisquare(rows - motions, (samples, 1))
+            middle = means.mean(axis=1, keepdims=True)
+            spread = ((means - middle) ** 2).sum(axis=1, keepdims=True) / rng.chisquare(motions - 1, (samples, 1))
+            if not sweep and not exact.all():
+                spread = np.maximum(spread, wide**2)
+            mu = middle + np.sqrt(spread / motions) * rng.standard_normal((samples, 1))
+            between = np.maximum(spread - own / size, 0.0)
+            if exact.all():
+                break
+            at, variance = mu, between
+            if rows > motions:
+                share = between * counts / (between * counts + own)
+                noise = np.sqrt(share * own / counts) * rng.standard_normal(means.shape)
+                at, variance = (mu + share * (means - mu) + noise)[:, self.motion], own
+            values = self._imputed(at, np.maximum(variance, 1e-12), exact, precision, rng)
+        scale = self.noise * np.exp(self.noise_error * rng.standard_normal((samples, 1)))
+        return np.concatenate([mu, np.sqrt(between), np.sqrt(own), scale], axis=1), values
+
+    def moments(self, population: Array) -> tuple[float, float]:
+        """Return median and dispersion of rows without noise: by mean and variances, or where some stand by draws."""
+        if self.error.any():
+            return float(np.exp(np.median(population[:, 0]))), float(
+                np.median(np.linalg.norm(population[:, 1:], axis=1))
+            )
+        means, counts = self.middle @ self.mean_of, np.bincount(self.motion)
+        within = ((self.middle - means[self.motion]) ** 2).sum() / max(self.motion.size - counts.size, 1)
+        return math.exp(means.mean()), math.sqrt(means.var(ddof=1) + within * (1.0 - np.mean(1.0 / counts)))
+
+    def p_value(self, logs: Array, shares: Array, trials: int, rng: np.random.Generator) -> float:
+        """Return the probability that outcomes of a lognormal population lie as far from the curve fitted to them.
+
+        Lilliefors' test: the distance is the largest one of the mean over the motions from its fitted curve, and its
+        distribution is simulated, as both numbers of the curve are estimated (H. W. Lilliefors, J. Am. Stat. Assoc. 62,
+        399-402, 1967). Of complete capacities it is that of Kolmogorov and Smirnov by `scipy.stats.goodness_of_fit`.
+
+        Parameters
+        ----------
+        logs : ndarray, shape (n,)
+            Logarithms of the scales of the outcomes; not used where all capacities are complete.
+        shares : ndarray, shape (n,)
+            Mean over the motions at these.
+        trials : int
+            Size of the samples of noise; 0 where there are none.
+        rng : Generator
+
+        Returns
+        -------
+        float
+            nan where the outcomes determine no curve.
+        """
+        mean_of = self.mean_of
+        if not self.error.any():
+            from scipy import stats
+
+            means = self.middle @ mean_of
+            law = {"statistic": "ks", "n_mc_samples": _SETS, "random_state": rng}
+            return float(stats.goodness_of_fit(stats.norm, means, **law).pvalue)
+        mu, between, own, noise = np.median(self.draws(_SETS, rng)[0], axis=0)
+        middle = mu + between * rng.standard_normal((_SETS, mean_of.shape[1]))[:, self.motion]
+        away = logs - (middle + own * rng.standard_normal((_SETS, self.motion.size)))[..., None]
+        drawn = scipy.special.ndtr(away / noise) if noise > 0.0 else (away > 0.0).astype(float)
+        drawn = rng.binomial(trials, drawn) / trials if trials and noise > 0.0 else drawn
+        means = np.concatenate([shares[None], np.einsum("sin,ir->srn", drawn, mean_of).mean(axis=1)])
+        rows, middles, spreads, _ = fit_rows(logs, means)
+        off = np.abs(scipy.special.ndtr((logs - middles[:, None]) / spreads[:, None]) - means[rows]).max(axis=1)
+        return float((1 + (off[1:] >= off[0] - 1e-12).sum()) / off.size) if rows.size and not rows[0] else math.nan
+
+    @property
+    def mean_of(self):
+        """Weights (m, r) that make means over the motions of values (..., m)."""
+        return (self.motion[:, None] == np.arange(self.motion.max() + 1)) / np.bincount(self.motion)
+
+    def parts(self, capacity: Array, drawn: Mapping[str, ArrayLike]) -> dict[str, tuple[float, float]]:
+        """Return the dispersion that each drawn value causes, and its standard error.
+
+        Linear regression of the capacities on the normal scores of the values, within the motions where there are
+        enough blocks under each.
+
+        Parameters
+        ----------
+        capacity : ndarray, shape (samples, m)
+            As `draws` returns them.
+        drawn : dict of str to array_like, (m,)
+            Values of the rows.
+
+        Returns
+        -------
+        dict of str to (float, float)
+        """
+        from scipy import stats
+
+        rows, motions = self.mean_of.shape
+        scores = np.array([scipy.special.ndtri((stats.rankdata(one) - 0.5) / rows) for one in drawn.values()])
+        free = rows - motions - len(scores)
+        if free > 0:
+            capacity, scores = (one - (one @ self.mean_of)[:, self.motion] for one in (capacity, scores))
+        else:
+            free = rows - 1 - len(scores)
+            capacity, scores = (one - one.mean(axis=1, keepdims=True) for one in (capacity, scores))
+        inverse = np.linalg.pinv(scores @ scores.T)
+        slopes = capacity @ scores.T @ inverse
+        variance = ((capacity - slopes @ scores) ** 2).sum(axis=1).mean() / max(free, 1)
+        errors = np.sqrt(variance * np.diag(inverse) + slopes.var(axis=0)) if free > 0 else [math.nan] * len(scores)
+        return {
+            name: (abs(float(slope)), float(error))
+            for name, slope, error in zip(drawn, slopes.mean(axis=0), errors, strict=True)
+        }
+
+    def _imputed(self, at, variance, exact, precision, rng):
+        """Draw capacities (samples, m) that are normal about (samples, m or 1), given what is known of each."""
+        known = np.isfinite(self.error)
+        gain = np.where(known, precision * variance / (1.0 + precision * variance), 0.0)
+        middle, width = at + gain * (self.middle - at), np.sqrt(variance * (1.0 - gain))
+        low, high = (self.low - middle) / width, (self.high - middle) / width
+        # Tails are drawn on the side where the normal distribution has its digits.
+        turned = low > 0.0
+        low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+        lowest, highest = scipy.special.ndtr(low), scipy.special.ndtr(high)
+        drawn = scipy.special.ndtri(lowest + rng.random(lowest.shape) * (highest - lowest))
+        drawn = np.clip(drawn, np.maximum(low, -37.0), np.maximum(high, -37.0))
+        return np.where(exact, self.middle, middle + width * np.where(turned, -drawn, drawn))

@@ -1,0 +1,340 @@
+"""The probability of a limit state of a motion drawn from a population: one curve from the outcomes under several."""
+
+import dataclasses
+import math
+from typing import Any, Self
+
+import numpy as np
+import scipy
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, Number
+from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.capacities import Capacities
+from fpk_rocking.studies.diagnostics import model_diagnostics
+from fpk_rocking.studies.drawing import Draws
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, fit_rows
+from fpk_rocking.studies.scenes import intensity_of, measure_of
+
+_USUAL = 0.5
+"""Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class IntensityCurve(Result):
+    """The probability of a limit state against an intensity of the ground motion, or the scale of the shaking.
+
+    Parameters
+    ----------
+    name : str
+        The limit state, "overturned" or an angle that is reached.
+    measure : str
+        "PGA", "PGV", or "scale".
+    intensity : ndarray, shape (n,)
+        Intensities, ascending: in g, m/s, or nondimensional.
+    probability : ndarray, shape (n,)
+        Mean over the motions.
+    interval : ndarray, shape (n, 2)
+        95 % limits for a motion drawn from the population of these: of the lognormal curve where it fits, else those of
+        Clopper and Pearson for as many motions. Of one scene those of its sample or solution.
+    fit : LognormalFit
+        Lognormal curve through the mean; its intervals are those of `replicates`.
+    replicates : ndarray, shape (b, 2)
+        Medians and dispersions that the population may have (`fpk_rocking.studies.capacities`), or, of one scene, those
+        of other samples.
+    records : int
+        Number of motions.
+    sources, source_errors : dict of str to float
+        Parts of the dispersion by name, with their standard errors: "noise", each uncertain value of the block, and
+        "record to record", what these leave of the dispersion, 0 where that is negative.
+    units : int
+        Number of independent outcomes: of motions, or of drawn blocks where there is one motion.
+    scenes : tuple of Scene
+    jumps : ndarray, shape (r, b, k)
+        Without noise: intensities, ascending, from which record r overturns block b (the first, third, ...) or lets it
+        stand (the second, ...), nan behind the last. They do not depend on `intensity`, and the rate is by them. (0, 0,
+        0) with noise.
+    model : tuple of Diagnostic
+        What speaks against scenes, noise and engine.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import IntensityCurve, at_intensity
+    >>> from fpk_rocking.studies import fragility
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> curve = IntensityCurve.of(found, "PGV")
+    >>> print(curve.probability.round(2), f"median {curve.fit.median:.2f} {curve.unit}")
+    [0.11 0.32 0.55 0.68] median 0.69 m/s
+    """
+
+    name: str
+    measure: str
+    intensity: np.ndarray
+    probability: np.ndarray
+    interval: np.ndarray
+    fit: LognormalFit
+    replicates: np.ndarray
+    records: int
+    sources: dict[str, float] = dataclasses.field(default_factory=dict)
+    source_errors: dict[str, float] = dataclasses.field(default_factory=dict)
+    units: int = 1
+    scenes: tuple[Scene, ...] = ()
+    jumps: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0, 0)))
+    model: tuple[Diagnostic, ...] = ()
+
+    @property
+    def unit(self) -> str:
+        """Unit of the intensity; empty for the scale."""
+        return "" if self.measure == "scale" else measure_of(self.measure).unit
+
+    @property
+    def fitted(self) -> bool:
+        """Whether there is a lognormal fit that the data do not reject: it is then what a call evaluates."""
+        return not (self.fit.reason or self.fit.rejected)
+
+    @property
+    def tail(self) -> float:
+        """Dispersion of the curve below its lowest point: that of the fit, .5 (FEMA P-58) where there is none."""
+        return _USUAL if self.fit.reason else self.fit.dispersion
+
+    def __call__(self, intensity: Number) -> Number:
+        """Return the probability at intensities: of the lognormal curve where it fits, else along the points."""
+        return self.fit(intensity) if self.fitted else self.along(self.probability, intensity)
+
+    def along(self, points: Array, intensity: Number) -> Number:
+        """Return the probability along points.
+
+        Between the points it is linear in the logarithm of the intensity; below the lowest it goes on as a lognormal
+        curve of dispersion `tail`, above the highest it is that of the highest.
+
+        Parameters
+        ----------
+        points : ndarray, shape (n,)
+            Probabilities at the intensities of this curve; where they fall, the largest so far counts.
+        intensity : float or ndarray
+            Above 0.
+
+        Returns
+        -------
+        float or ndarray
+        """
+        points, away = np.maximum.accumulate(points), np.log(np.asarray(intensity) / self.intensity[0])
+        lowest = scipy.special.ndtri(min(points[0], 1.0 - 0.5 / max(self.units, 2)))
+        joined = np.interp(away, np.log(self.intensity / self.intensity[0]), points)
+        return np.where(away < 0.0, scipy.special.ndtr(lowest + away / self.tail), joined)
+
+    @property
+    def title(self) -> str:
+        """Limit state, number of motions and fit, as a line of text."""
+        of = (
+            f"{self.records} motions" if self.records > 1 else f"{self.units} blocks" if self.units > 1 else "one scene"
+        )
+        text = f"probability of '{self.name}' against {self.measure}{f' ({self.unit})' * bool(self.unit)}, from {of}"
+        return text + f", median {self.fit.median:.3g}, dispersion {self.fit.dispersion:.2g}" * self.fitted
+
+    @property
+    def diagnostics(self) -> list[Diagnostic]:
+        """What speaks against the curve: its scenes, its fit, and how little so many motions tell."""
+        found = list(self.model)
+        if self.fit.rejected:
+            sentence = f"The lognormal fit is rejected ({self.fit.rejected}): it is off by up to {self.fit.misfit:.2g}."
+            found.append(Diagnostic(CAUTION, f"{sentence} Use the probabilities themselves.", "fit"))
+        half = float(0.5 * np.diff(self.interval).max())
+        what = "motions" if self.records > 1 else "blocks" if self.units > 1 else "scene"
+        sentence = (
+            f"For others of their kind {self.units} {what} tell the probabilities to ±{half:.2g} at worst (95 %)."
+        )
+        return [*found, Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Remarks on the scenes, the noise and the model."""
+        noise = (scene.noise.remark for scene in self.scenes)
+        return tuple(dict.fromkeys(filter(None, (*noise, *(one.message for one in self.model)))))
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Name, measure, counts, fit and parts of the dispersion, and error figures, by name."""
+        fit = {name: value for name, value in self.fit._asdict().items() if name != "level"}
+        return super().metadata | fit | {"sources": self.sources, "source_errors": self.source_errors}
+
+    def dataset(self) -> Dataset:
+        """Probability with its limits, and that of the lognormal fit, over the intensity in its unit."""
+        dim = self.measure + f"_{self.unit.replace('/', '_per_')}" * bool(self.unit)
+        fit = np.full(self.intensity.shape, math.nan) if self.fit.reason else self.fit(self.intensity)
+        low, high = self.interval.T
+        columns = {"probability": self.probability, "low": low, "high": high, "lognormal": fit}
+        return Dataset({name: (dim, values) for name, values in columns.items()}, {dim: self.intensity}, (dim,))
+
+    def plot(self) -> Any:
+        """Draw the curve with its limits; returns a matplotlib figure."""
+        from fpk_rocking.studies.picture import draw_curve
+
+        return figure_of(lambda _, axes: draw_curve(axes, self))
+
+    def describe(self) -> str:
+        """Return limit state, measure, number of records, lognormal fit and sources of its dispersion as sentences."""
+        of = f"{self.records} records" if self.records > 1 else "one scene"
+        unit = f" ({self.unit})" * bool(self.unit)
+        text = f"Probability of '{self.name}' of a rocking block against {self.measure}{unit}, from {of}."
+        fit = self.fit
+        if fit.reason:
+            return f"{text} No lognormal fit: {fit.reason}."
+        median = f"{fit.median:.4g} {self.unit}".rstrip()
+        text += f" Lognormal fit: median {median}, dispersion {fit.dispersion:.3g}"
+        text += f" ({self.parts})" * bool(self.parts)
+        return f"{text}{', rejected by the data' if fit.rejected else ''}, largest misfit {fit.misfit:.2g}."
+
+    @property
+    def parts(self) -> str:
+        """Parts of the dispersion with their standard errors, as a text."""
+        errors = self.source_errors
+        return ", ".join(
+            f"{name} {value:.3g} ± {errors.get(name, math.nan):.1g}" for name, value in self.sources.items()
+        )
+
+    @classmethod
+    def of(
+        cls,
+        fragility: Any,
+        measure: str = "PGV",
+        which: int = 0,
+        *,
+        draws: Draws | None = None,
+        samples: int = 999,
+        seed: int = 1,
+    ) -> Self:
+        """Return the curve of a fragility: of its scene, or for a motion drawn from the population of its motions.
+
+        Parameters
+        ----------
+        fragility : Fragility
+            Of one scene, or of several that have the same intensity at each scale: see `at_intensity`. Scales at which
+            an answer is missing are left out.
+        measure : str
+            "PGA" (in g), "PGV" (in m/s), or "scale".
+        which : int
+            Index of the probability: 0 overturning, 1, 2, ... the levels.
+        draws : Draws, optional
+            Where the scenes are `fpk_rocking.studies.drawing.drawn` blocks: blocks under one motion are not independent
+            of each other.
+        samples : int
+            Number of replicates.
+        seed : int
+            Seed of their random numbers.
+
+        Returns
+        -------
+        IntensityCurve
+
+        Raises
+        ------
+        ValueError
+            The scenes are no suite (``over`` a parameter), have unequal intensities, or there is no probability.
+        """
+        shares = fragility.probability[:, which]
+        if len(shares) > 1 and fragility.axis != "scene":
+            accepted = "a fragility of one scene, or of a list of scenes"
+            raise ValueError(checks.refusal("fragility", fragility.title, accepted))
+        at_one = np.array([1.0 if measure == "scale" else intensity_of(scene, measure) for scene in fragility.scenes])
+        if np.ptp(at_one) > 1e-6 * at_one.max():
+            accepted = "equal ones: make each scene with `at_intensity`"
+            texts = [f"{intensity:.4g}" for intensity in at_one]
+            raise ValueError(checks.refusal(f"{measure} of the scenes at scale 1", texts, accepted))
+        answered = np.isfinite(shares).all(axis=0)
+        if not answered.any():
+            raise ValueError("fragility: got no scale at which all scenes have a probability, accepted: at least one")
+        intensity, shares, rng = at_one[0] * fragility.scale[answered], shares[:, answered], np.random.default_rng(seed)
+        trials = fragility.realizations
+        common = {
+            "name": fragility.names[which], "measure": measure, "intensity": intensity, "scenes": fragility.scenes,
+            "model": tuple(model_diagnostics(fragility)),
+        }  # fmt: skip
+        origin = np.arange(len(shares)) if draws is None else np.array(draws.origin)
+        records = np.unique(origin)
+        # Blocks that are drawn for one record stand for themselves.
+        motion = origin if records.size > 1 else np.arange(len(shares))
+        if fragility.motions is not None:
+            rows = at_one[0] * fragility.motions.jumps[:, which]
+            common["jumps"] = np.stack([rows[motion == one] for one in np.unique(motion)])
+        if len(shares) > 1:
+            if fragility.motions is None:
+                capacities = Capacities.of(intensity, shares, trials, motion)
+            else:
+                capacities = Capacities.of_jumps(rows, at_one[0] * fragility.scale[-1], motion)
+            values = {} if draws is None else draws.values
+            suite = _of_suite(capacities, intensity, shares, trials, values, samples, rng)
+            return cls(**common, **suite | _named(suite, records.size))
+        fit, replicates = fragility.fits[0][which], np.empty((0, 2))
+        if trials and not fit.reason and not fragility.deterministic[0]:
+            drawn = rng.binomial(trials, fit(fragility.scale[answered]), (samples, intensity.size)) / trials
+            _, middle, spread, _ = fit_rows(np.log(intensity), drawn)
+            replicates = np.stack([np.exp(middle), spread], axis=-1)
+        limits = fragility.interval()[0, which, answered]
+        fit = _with_intervals(fit._replace(median=fit.median * at_one[0]), replicates)
+        noise, error = {}, {}
+        if not fit.reason:
+            noise, error = {"noise": fit.dispersion}, {"noise": replicates[:, 1].std() if len(replicates) else math.nan}
+        return cls(
+            **common, probability=shares[0], interval=limits, fit=fit, replicates=replicates, records=1, sources=noise,
+            source_errors=error,
+        )  # fmt: skip
+
+
+def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng):
+    """Return fields of the curve for a motion drawn from the population of those of some rows (m, n)."""
+    mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
+    fields = {"probability": mean, "units": units, "replicates": np.empty((0, 2)), "interval": _binomial(mean, units)}
+    searched = not capacities.noise and np.isin(capacities.error, [0.0, math.inf]).all() and not capacities.error.all()
+    fit = LognormalFit() if searched else fit_lognormal(intensity, mean)
+    if not fit.reason and capacities.complete.size < 2:
+        fit = LognormalFit(reason="fewer than two motions overturn a block within these intensities")
+    if fit.reason:
+        return fields | {"fit": fit}
+    population, values = capacities.draws(samples, rng)
+    spreads = np.linalg.norm(population[:, 1:], axis=1)
+    fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
+    if searched:
+        fit = LognormalFit(*capacities.moments(population))
+        fit = fit._replace(misfit=float(np.abs(fit(intensity) - mean).max()))
+    p_value = capacities.p_value(np.log(intensity), mean, trials, rng)
+    fit = _with_intervals(fit._replace(p_value=p_value), fields["replicates"])
+    if not fit.rejected:
+        points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / spreads[:, None])
+        fields["interval"] = np.quantile(points, [0.025, 0.975], axis=0).T
+    sources = {"noise": (capacities.noise, capacities.noise * capacities.noise_error)} if capacities.noise else {}
+    sources |= capacities.parts(values, drawn) if drawn else {}
+    rest = math.sqrt(max(fit.dispersion**2 - sum(value**2 for value, _ in sources.values()), 0.0))
+    sources["record to record"] = rest, float(np.diff(np.quantile(population[:, 1], [0.16, 0.84]))[0]) / 2.0
+    return fields | {"fit": fit, "sources": sources}
+
+
+def _named(suite, records):
+    """Return number of records, and parts of the dispersion and their errors; one record has no part of its own."""
+    sources = {
+        name: part for name, part in suite.get("sources", {}).items() if records > 1 or name != "record to record"
+    }
+    values, errors = ({name: part[place] for name, part in sources.items()} for place in (0, 1))
+    return {"records": records, "sources": values, "source_errors": errors}
+
+
+def _binomial(mean, count):
+    """Clopper's and Pearson's 95 % limits (n, 2) of means over so many independent outcomes."""
+    happened = mean * count
+    low = scipy.special.betaincinv(np.maximum(happened, 1e-300), count - happened + 1.0, 0.025)
+    high = scipy.special.betaincinv(happened + 1.0, np.maximum(count - happened, 1e-300), 0.975)
+    return np.stack([np.where(happened > 0.0, low, 0.0), np.where(happened < count, high, 1.0)], axis=-1)
+
+
+def _with_intervals(fit, replicates):
+    """Return a fit with the 95 % intervals of replicates (b, 2), nan where there are none."""
+    if not len(replicates) or fit.reason:
+        return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))
+    (low, narrow), (high, wide) = np.quantile(replicates, [0.025, 0.975], axis=0).tolist()
+    return fit._replace(median_interval=(low, high), dispersion_interval=(narrow, wide))
