@@ -339,4 +339,8 @@ def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tu
     rows = zip(
         *([f"{value:.4g}" if np.isfinite(value) else "-" for value in one] for one in columns.values()), strict=True
     )
-    return curve.title, text_table(list(columns), rows), verdict_first(curve.trust, curve.describe(), *curve.remarks, *motions)
+    return (
+        curve.title,
+        text_table(list(columns), rows),
+        verdict_first(curve.trust, curve.describe(), *curve.remarks, *motions),
+    )
