@@ -222,7 +222,7 @@ def test_peaks_in_g_take_the_place_of_scales(run):
     assert [one.columns(1.0)["pga_g"] for one in found.intensities] == pytest.approx([1.0])
     kept = Fragility.load(run("fragility", rack, pga="0.9", cycles=2, realizations=300, keep_noise=True)[1])
     assert kept.scenes[0].noise == rack.noise
-    with pytest.raises(AssertionError, match="accepted: a list of factors, or --pga in its place"):
+    with pytest.raises(AssertionError, match="accepted: a list of factors, or --pga or --pgv in its place"):
         run("fragility", rack, cycles=2)
 
 

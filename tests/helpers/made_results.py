@@ -21,6 +21,7 @@ from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.binning import joint_edges, shown_edges
 from fpk_rocking.studies import CriticalIntensities, Fragility, IntensityCurve, Sweep
 from fpk_rocking.studies.lognormal import LognormalFit
+from fpk_rocking.studies.overturning import Probability
 from montecarlo import Ensemble, Histories, Splitting, Tally
 from montecarlo.results.counts import PARTS, Counts
 
@@ -283,7 +284,7 @@ def fragility(axis="scene", sampled=True):
         size, at = block.block.dimensions, (m, which, n)
         unit, velocity = size.gravity * size.critical_angle, block.forcing.amplitude / block.forcing.frequency
         fit, level = result.fits[m][which], [block.overturning.angle, *LEVELS][which]
-        row = {axis: m if axis == "scene" else place[m], "scale": scale, "level": level}
+        row = {axis: str(block.forcing) if axis == "scene" else place[m], "scale": scale, "level": level}
         row["level_deg"] = level * math.degrees(math.atan2(size.width, size.height))
         row |= {"event": "reached" if which else "overturned", "probability": probability[at]}
         row |= {"low": limits[at][0], "high": limits[at][1]}
@@ -305,7 +306,8 @@ def fragility(axis="scene", sampled=True):
     variables["event"] = (dims[1:2], cubes["event"][0, :, 0])
     measures = "acceleration", "velocity", "pga_g", "pgv_m_per_s", "relative_velocity"
     variables |= {name: ((axis, "scale"), cubes[name][:, 0]) for name in measures}
-    return Made(result, columns, variables, {axis: place, "level": [math.inf, *LEVELS], "scale": SCALES})
+    places = [str(block.forcing) for block in BLOCKS] if axis == "scene" else place
+    return Made(result, columns, variables, {axis: places, "level": [math.inf, *LEVELS], "scale": SCALES})
 
 
 def pooled():
@@ -322,6 +324,22 @@ def pooled():
     columns["lognormal"] = stats.norm.cdf(np.log(intensity / 0.7) / 0.4)
     variables = {name: (("PGV_m_per_s",), values) for name, values in columns.items() if name != "PGV_m_per_s"}
     return Made(result, columns, variables, {"PGV_m_per_s": intensity})
+
+
+def probability():
+    """An answer after each of 150 cycles."""
+    rng = np.random.default_rng(17)
+    left, right = (np.sort(rng.uniform(0.0, 0.5, CYCLES + 1)) for _ in range(2))
+    errors, times = rng.uniform(0.0, 0.01, (CYCLES + 1, 3)), MAIN.period * np.arange(CYCLES + 1)
+    result = Probability(
+        MAIN, times, left, right, errors, "paths", "exact", "Because.", 0.02, 0.0, 1000, 1, False, 1.0
+    )  # fmt: skip
+    names = "survival", "left", "right"
+    columns = {"cycle": np.arange(CYCLES + 1), "time": times}
+    columns |= dict(zip(names, (1.0 - left - right, left, right), strict=True))
+    columns |= {f"{name}_error": errors[:, k] for k, name in enumerate(names)}
+    variables = {name: (("time",), values) for name, values in columns.items() if name not in {"cycle", "time"}}
+    return Made(result, columns, variables, {"cycle": columns["cycle"], "time": times})
 
 
 def sweep(gridded=True):
@@ -450,6 +468,7 @@ KINDS = {
     "surface": functools.partial(fragility, "size"),
     "critical": critical,
     "pooled": pooled,
+    "probability": probability,
     "sweep": sweep,
     "list": functools.partial(sweep, gridded=False),
     "operator": operator,
