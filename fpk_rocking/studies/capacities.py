@@ -209,7 +209,19 @@ class Capacities(NamedTuple):
         return np.concatenate([mu, np.sqrt(between), np.sqrt(own), scale], axis=1), values
 
     def moments(self, population: Array) -> tuple[float, float]:
-        """Return median and dispersion of rows without noise: by mean and variances, or where some stand by draws."""
+        """Return median, in the unit of the intensity, and dispersion of the capacities.
+
+        They are by means and variances; where some capacities are not known exactly, they are medians of draws.
+
+        Parameters
+        ----------
+        population : ndarray, shape (samples, 4)
+            Draws of what the population may be.
+
+        Returns
+        -------
+        median, dispersion : float
+        """
         if self.error.any():
             return float(np.exp(np.median(population[:, 0]))), float(
                 np.median(np.linalg.norm(population[:, 1:], axis=1))
@@ -258,7 +270,7 @@ class Capacities(NamedTuple):
         return float((1 + (off[1:] >= off[0] - 1e-12).sum()) / off.size) if rows.size and not rows[0] else math.nan
 
     @property
-    def mean_of(self):
+    def mean_of(self) -> Array:
         """Weights (m, r) that make means over the motions of values (..., m)."""
         return (self.motion[:, None] == np.arange(self.motion.max() + 1)) / np.bincount(self.motion)
 

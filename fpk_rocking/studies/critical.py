@@ -15,7 +15,7 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -153,8 +153,12 @@ def search(scene: Scene, *, seed: int, measure: str, highest: float, **lasting: 
     }
 
 
-def kernels_of(task, scenes, options):  # noqa: ARG001  (as `tasks.kernels_of`)
-    """Return the names in `base.ahead` of the kernels of the paths of some scenes."""
+def kernels_of(
+    task: Callable[..., Any],  # noqa: ARG001  (as `tasks.kernels_of`)
+    scenes: Iterable[Scene],
+    options: dict[str, Any],  # noqa: ARG001
+) -> list[str]:
+    """Return the names in `base.precompilation` of the kernels of the paths of some scenes."""
     return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
 
