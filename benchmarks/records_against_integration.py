@@ -153,9 +153,9 @@ def main():
         f"{', '.join(map(str, COUNTS))} intensities (to {spread:.0e}).\n\n"
         f"Block of {WIDTH} m by {HEIGHT} m, motions of a shake table as measured, scaled to "
         f"{', '.join(map(str, FACTORS))} times the peak that lifts the block off. The integration is scipy's DOP853 "
-        f"with events over each interval of the samples, relative tolerance {ERROR:g}, of the rectangle's equation in "
-        "radians and seconds. Rates are without noise, after a high-pass correction, hazard 1e-4 im^-2.5, PGV 0.2 to 4 "
-        "m/s.\n\n"
+        f"with events over each interval of the samples, relative tolerance {ERROR:g}, of the equation of the "
+        "rectangle in radians and seconds. Rates are without noise, after a high-pass correction, "
+        "hazard 1e-4 im^-2.5, PGV 0.2 to 4 m/s.\n\n"
     )
     body += table(["difference of", "paths", "median", "largest"], rows) + "\n\n"
     body += table(["intensities", "annual rate"], [[number, f"{rate:.6e}"] for number, rate in rates.items()])

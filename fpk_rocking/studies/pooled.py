@@ -10,6 +10,7 @@ import scipy
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, Number
 from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
@@ -155,8 +156,8 @@ class IntensityCurve(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the scenes, the noise and the model."""
-        noise = (scene.noise.remark for scene in self.scenes)
-        return tuple(dict.fromkeys(filter(None, (*noise, *(one.message for one in self.model)))))
+        of = (*(scene.noise.remark for scene in self.scenes), baseline_remark(scene.forcing for scene in self.scenes))
+        return tuple(dict.fromkeys(filter(None, (*of, *(one.message for one in self.model)))))
 
     @property
     def metadata(self) -> dict[str, Any]:

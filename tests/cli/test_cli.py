@@ -285,6 +285,12 @@ def test_interrupted_writing_leaves_whole_files(tmp_path, monkeypatch):
     assert {path.name for path in tmp_path.iterdir()} == {"result.npz", "jpdf_0000.vtu", "jpdf_0001.vtu"}
 
 
+@pytest.mark.parametrize("command", ["probability", "fpk", "mc", "compare", "fragility", "risk", "warmup"])
+def test_every_command_has_help(command):
+    status, out, _ = run(command, "--help")
+    assert (status, out[:5]) == (0, "usage")
+
+
 def test_help_gives_examples():
     status, out, _ = run("--help")
     assert status == 0
