@@ -320,7 +320,7 @@ def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
 
 
 def noise_array(noise: Any) -> Array:
-    """Return an object array of noises, from one noise or a nested sequence of noises."""
+    """Return an object array of noises, from one noise or nested sequences; refuse other things, and envelopes."""
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
         checks.instance("noise", entry, *NOISES.values())

@@ -59,7 +59,7 @@ class _BorrowedTuple(models.PrimitiveModel):
 
 
 def _borrowed_type(kind):
-    """Numba type of what `borrowed` makes of a value of the numba type `kind`."""
+    """Numba type of what `borrowed` makes of a value of the type `kind`: another for a named tuple with arrays alone."""
     return BorrowedTuple(kind) if isinstance(kind, types.NamedTuple) and _has_arrays(kind) else kind
 
 
@@ -80,7 +80,7 @@ class _Fields(AttributeTemplate):
 
 @lower_getattr_generic(BorrowedTuple)
 def _field(context, builder, borrowed, value, name):
-    """Generate the code that reads the field `name` of `value`, of the type `BorrowedTuple`; called by numba.
+    """Generate code that reads the field `name` of `value`, a `BorrowedTuple`, without owning its memory; for numba.
 
     `context` and `builder` are numba's target context and llvmlite's builder, as in all generators here.
     """

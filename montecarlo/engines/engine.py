@@ -228,7 +228,9 @@ class TimeGrid(NamedTuple):
 
 
 def time_grid(scene, longest, times=None):
-    """Return the `TimeGrid` of a scene whose intervals are at most so long.
+    """Return the `TimeGrid` of a scene: equal intervals, in each of which the forcing is one piece, at most so long.
+
+    The wanted times need not lie on it; they are kept as positions in units of intervals.
 
     Parameters
     ----------

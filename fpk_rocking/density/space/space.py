@@ -77,7 +77,7 @@ class Space:
 
     @property
     def shape(self):
-        """Shape of the coefficients of one density."""
+        """Shape of the coefficients of one density: (angle cells, velocity cells, degree + 1, degree + 1)."""
         return len(self.angle_lines) - 1, len(self.velocity_lines) - 1, self.degree + 1, self.degree + 1
 
     @property
