@@ -59,7 +59,7 @@ class _BorrowedTuple(models.PrimitiveModel):
 
 
 def _borrowed_type(kind):
-    """Numba type of what `borrowed` makes of a value of the type `kind`: another for a named tuple with arrays alone."""
+    """Numba type of what `borrowed` makes of a value of type `kind`: another for a named tuple with arrays only."""
     return BorrowedTuple(kind) if isinstance(kind, types.NamedTuple) and _has_arrays(kind) else kind
 
 

@@ -136,7 +136,7 @@ def _try_closed(state, side, number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _build_particular(number, j, parameters, workspace):
-    """Write P of forcing and noise in interval j of the grid, the `number`-th of the run from 0, to `workspace.interval`.
+    """Write P of forcing and noise in interval j of the grid, the `number`-th of the path, to `workspace.interval`.
 
     It is a polynomial (TERMS,) in the time since the interval's middle. `parameters`, `workspace`: `Parameters` and
     `Workspace` of `band_noise`.

@@ -87,7 +87,7 @@ def _envelope_values(envelope, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread for `Parameters`: arrays for all harmonics, and for a chunk of 20 steps at most."""
+    """Return the `Workspace` of a thread for `Parameters`: for all harmonics, and a chunk of 20 steps at most."""
     n = parameters.grid.count
     chunks = (n + 19) // 20  # of 20 steps at most: noise that is made for an overturned block is in vain
     length = (n + chunks - 1) // chunks
