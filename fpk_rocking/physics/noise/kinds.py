@@ -72,7 +72,7 @@ class BandNoise:
         checks.keep(self, remark=checks.sentence("noise.remark", self.remark))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations times `strength`, frequencies times `rate`, an envelope as much faster."""
+        """Return it with accelerations times `strength`, frequencies times `rate`, an envelope as much faster."""
         band = tuple(rate * frequency for frequency in self.band)
         return _scaled(self, rate, variance=self.variance * strength**2, band=band)
 
