@@ -75,7 +75,7 @@ class Probability(Saved, RowResult):
     >>> rack = Scene.from_block(0.6, 2.0, "0.35 g", "1.2 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> answer = probability(rack, cycles=10, tol=0.01)
     >>> print(f"{answer.overturned:.2f} {answer.method} {answer.error <= 0.01} {answer.verdict}")
-    0.31 paths True ok
+    0.10 paths True ok
     """
 
     kind: ClassVar = "probability"

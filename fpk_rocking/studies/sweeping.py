@@ -42,7 +42,7 @@ class Sweep(Result):
     >>> print(done.title)
     2 scenes over forcing.amplitude (2), 0 failed
     >>> print(done.rows[1]["values"]["survival"], done.trust.verdict)
-    [1.0, 1.0, 0.996, 0.958, 0.834] ok
+    [1.0, 1.0, 0.996, 0.958, 0.834] caution
     """
 
     rows: tuple[dict[str, Any], ...]
