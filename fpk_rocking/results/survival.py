@@ -12,7 +12,7 @@ from fpk_rocking.results.result import Dataset, Result
 
 __all__ = ["RowResult", "SurvivalResult"]
 
-LEAST_OVERTURNING = 1e-5
+LEAST_OVERTURNING = 1e-6
 """Probability of overturning below which the error of a density is held against this one."""
 
 

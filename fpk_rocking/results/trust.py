@@ -24,6 +24,9 @@ UNASKED = 0.05
 SMALL = 0.4
 """Error of a probability of overturning, in parts of it, above which there is caution."""
 
+NEGLIGIBLE = 1e-3
+"""Error of a density, in parts of the wanted one and of `REPLACED`, that needs no caution however small P is."""
+
 REPLACED = 0.01
 """Total error of a density's probabilities, the measured replacement of its noise included, that needs no caution; the
 tolerance that was asked for, where that is larger."""
@@ -174,6 +177,9 @@ def _limits(tol, bins_tol, values=()):
     """
     useless, never = max(USELESS, tol), (math.inf, math.inf)
     below = "integral of the density where it is below 0"
+    values = dict(values)
+    errors = [np.max(values[name]) for name in ("total_error", "error_estimate") if np.size(values.get(name, ()))]
+    overturning = never if errors and errors[0] <= NEGLIGIBLE * min(tol, REPLACED) else (SMALL, math.inf)
     # Mass at rest rattles below the mesh and may be negative there; a solver that knows the rest is judged by that.
     negative = never if "moving_negative_mass" in values else (1e-2, useless)
     return {
@@ -185,7 +191,7 @@ def _limits(tol, bins_tol, values=()):
         "error_estimate": ("estimated error of the probabilities", tol, useless),
         "half_width": ("half width of the 95 % interval of the probabilities", tol, useless),
         # A probability is read in parts of itself: .006 ± .003 says no more than that it is small.
-        "overturning_error": ("error of the last probability of overturning, in parts of it,", SMALL, math.inf),
+        "overturning_error": ("error of the last probability of overturning, in parts of it,", *overturning),
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),

@@ -251,10 +251,12 @@ def test_a_figure_has_the_digits_that_tell_it_from_its_limit(value, said):
         (0.006, 0.0023, "ok"),
         (0.0, 1e-3, "caution"),
         (-1e-6, 1e-12, "ok"),
+        (1.8e-6, 1.8e-6, "ok"),  # a block at rest, certain to a thousandth of what was asked
+        (1.8e-6, 1.1e-5, "caution"),
     ],
 )
 def test_a_small_probability_of_overturning_is_judged_in_parts_of_itself(over, error, verdict):
-    """Of a density; what is below 1e-5 is held against that."""
+    """Of a density; what is below a millionth is held against a millionth."""
 
     class Small(fakes.FakeEvolution):
         survival = np.array([1.0, 1.0 - over])
@@ -263,7 +265,7 @@ def test_a_small_probability_of_overturning_is_judged_in_parts_of_itself(over, e
 
     found = Small(WHITE, cycles=1, error_estimate=error, tol=1e-2)
     assert found.trust.verdict == verdict
-    assert found.summary()["overturning_error"] == pytest.approx(error / max(over, 1e-5))
+    assert found.summary()["overturning_error"] == pytest.approx(error / max(over, 1e-6))
     assert ("error of the last probability of overturning, in parts of it, is" in str(found.trust)) == (verdict != "ok")
 
 
