@@ -8,6 +8,7 @@ probability asks for, at the speed of the reference; under white noise the densi
     python benchmarks/probability.py                              # 60 scenes at 5e-3
     python benchmarks/probability.py --tol 5e-4 --scenes 15
     python benchmarks/probability.py --rtol 0.1 --scenes 20 --rare
+    python benchmarks/probability.py --coverage                   # of the rule by which paths are added, without blocks
 """
 
 import argparse
@@ -20,8 +21,9 @@ import numpy as np
 from report import table, write_section
 
 from fpk_rocking import Scene, probability, solve_fpk
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene import FilteredNoise, Pulse
-from fpk_rocking.studies import synthetic_records
+from fpk_rocking.studies import overturning, synthetic_records
 from montecarlo import simulate
 
 CYCLES = 10
@@ -114,15 +116,53 @@ def _density_seconds(scene, rows, wanted):
     return time.process_time() - begin if density.error_estimate <= wanted else math.inf
 
 
-def main():
-    """Draw, answer and write the section."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=3901)
-    parser.add_argument("--scenes", type=int, default=60)
-    parser.add_argument("--tol", type=float)
-    parser.add_argument("--rtol", type=float)
-    parser.add_argument("--rare", action="store_true")
-    options = parser.parse_args()
+def coverage(share, wanted, repeats, random):
+    """Share of repetitions whose answer ± error contains the probability, and the mean number of paths.
+
+    Only the number of overturned paths is drawn (binomial); stages are added by the rule of `probability`.
+    """
+    inside = total = 0
+    for _ in range(repeats):
+        paths = overturned = 0
+        until = 2 * overturning._PILOT
+        while True:
+            overturned += random.binomial(until - paths, share)
+            paths = until
+            low, high = wilson_interval(overturned, paths)
+            error = max(high - overturned / paths, overturned / paths - low)
+            if error <= wanted.of(overturned / paths):
+                break
+            until = wanted.next_stage(overturned, paths)
+        inside += abs(overturned / paths - share) <= error
+        total += paths
+    return inside / repeats, total / repeats
+
+
+def write_coverage(repeats=20_000, seed=3902):
+    """Measure the coverage of the stopping rule, and write the section."""
+    random = np.random.default_rng(seed)
+    asked = [("tol", 5e-3), ("tol", 1e-3), ("rtol", 0.1)]
+    rows = []
+    for name, value in asked:
+        wanted = overturning._Wanted(**({"tol": 0.0, "rtol": 0.0} | {name: value}))
+        for share in (1e-5, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3, 0.5):
+            rows.append([f"{name} {value:g}", share, *coverage(share, wanted, repeats, random)])
+            print(rows[-1], flush=True)
+    lines = table(
+        ["wanted", "probability", "inside", "mean paths"],
+        [[asked, f"{share:g}", f"{inside:.4f}", f"{paths:.3g}"] for asked, share, inside, paths in rows],
+    )
+    least, error = min(row[2] for row in rows), math.sqrt(0.05 * 0.95 / repeats)
+    body = f"""**Result.** Paths added in stages until the error is as wanted: answer ± error contains the
+probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more (standard error {100.0 * error:.2f} %), of 95 % asked.
+
+{lines}
+"""
+    write_section("Coverage of the stopping rule of probability", body)
+
+
+def write_answers(options):
+    """Draw scenes, answer them, and write the section."""
     wanted = {name: getattr(options, name) for name in ("tol", "rtol") if getattr(options, name)} or {"tol": 5e-3}
     for kind in KINDS:  # machine code
         scene, rows = drawn(kind, np.random.default_rng(0))
@@ -167,6 +207,22 @@ scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest
     }
 """
     write_section(f"Probability of overturning, {asked}", body, values={"rows": results})
+
+
+def main():
+    """Measure what was asked for, and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=3901)
+    parser.add_argument("--scenes", type=int, default=60)
+    parser.add_argument("--tol", type=float)
+    parser.add_argument("--rtol", type=float)
+    parser.add_argument("--rare", action="store_true")
+    parser.add_argument("--coverage", action="store_true")
+    options = parser.parse_args()
+    if options.coverage:
+        write_coverage()
+    else:
+        write_answers(options)
 
 
 if __name__ == "__main__":

@@ -220,10 +220,10 @@ def probability(
     splitting (`montecarlo.split`), and the shortest way is taken. Band noise and filtered noise act as they are.
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
-    as the limits of the interval so far ask for. The interval at the end contains the probability in 94.4 to 97 % of
-    repetitions, whatever the probability (benchmarks/probability.py). Where an engine has time steps, as many paths are
-    sampled again with steps four times as long, and what these change beyond sampling is added to the error: for any
-    order from 1/2 on the error of the shorter steps is smaller than that.
+    as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
+    repetitions or more, whatever the probability (benchmarks/probability.py). Where an engine has time steps, as many
+    paths are sampled again with steps four times as long, and what these change beyond sampling is added to the error:
+    for any order from 1/2 on the error of the shorter steps is smaller than that.
 
     Parameters
     ----------
@@ -286,6 +286,10 @@ class _Wanted(NamedTuple):
         share = 0.5 * (low + overturned / paths) or high  # where none has overturned, as few as can be
         relative = (1.0 - share) / share * (_Z / self.rtol) ** 2 if self.rtol else math.inf
         return min(absolute, relative)
+
+    def next_stage(self, overturned, paths):
+        """Return how many paths there are after the next stage: what is needed, within the factors of a stage."""
+        return int(min(max(self.paths(overturned, paths), 1.25 * paths), _GROWTH * paths))
 
 
 class _Counts:
@@ -372,7 +376,7 @@ class _Call:
                 if answer:
                     return answer
                 self._announce(needed, seconds)
-                self.sample(min(max(needed, 1.25 * self.counts.paths), _GROWTH * self.counts.paths))
+                self.sample(self.wanted.next_stage(self.counts.overturned, self.counts.paths))
             return self._from_paths()
         except KeyboardInterrupt:
             if not self.counts.paths:
