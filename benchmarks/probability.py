@@ -154,7 +154,8 @@ def write_coverage(repeats=20_000, seed=3902):
     )
     least, error = min(row[2] for row in rows), math.sqrt(0.05 * 0.95 / repeats)
     body = f"""**Result.** Paths added in stages until the error is as wanted: answer ± error contains the
-probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more (standard error {100.0 * error:.2f} %), of 95 % asked.
+probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more
+(standard error {100.0 * error:.2f} %), of 95 % asked.
 
 {lines}
 """
