@@ -62,7 +62,9 @@ def test_critical_amplitudes(coarse):
     assert [row[place] for row in values["with_noise"]] == pytest.approx([2.9101, 1.9161, 0.0, 0.0], abs=1e-4)
     assert values["amplitude_by_band_at_4"][1][1] == values["with_noise"][1][place]
     root = math.sqrt(2.0)
-    assert values["mean_square_without_noise"][0] == pytest.approx([root * one for one in values["without_noise"][0]])
+    assert values["mean_square_without_noise"][0] == pytest.approx(
+        [root * amplitude for amplitude in values["without_noise"][0]]
+    )
 
 
 def test_fluxes(coarse):

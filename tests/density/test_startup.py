@@ -179,7 +179,7 @@ def test_a_patch_of_a_gaussian_below_the_rounding_of_its_mean_has_a_width():
 def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene):
     """Of a step from a mesh about x = 1.5 and one about impact, where the paths of cells with events were traced."""
     scene = main_scene.white_equivalent()
-    for angles, gone in ((np.linspace(1.2, 1.55, 5), True), (np.linspace(-0.2, 0.2, 5), False)):
+    for angles, overturns in ((np.linspace(1.2, 1.55, 5), True), (np.linspace(-0.2, 0.2, 5), False)):
         source = Space(angles, np.linspace(-0.5, 1.5, 6), 1)
         trace = Characteristics(source, 0.0, 0.2, Dynamics.of(scene), Quadrature(2, 2, 3, 1), to_other_mesh=True)
         traced = np.argwhere(trace.numbers >= 0)
@@ -189,12 +189,15 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
         masses = (values[tuple(traced.T)][..., None] * trace.node_weights)[np.argsort(rows)]
         standing = trace.flags > Exit.OVERTURNED_LEFT
         assert standing.any()
-        assert gone == (not standing.all())
+        assert overturns == (not standing.all())
         x, v = np.moveaxis(np.where(standing[..., None], trace.ends, 0.0), -1, 0)
-        expected = [(np.where(standing, masses, 0.0) * one).sum() for one in (1.0 + 0.0 * x, x, v, x * x, x * v, v * v)]
+        expected = [
+            (np.where(standing, masses, 0.0) * monomial).sum()
+            for monomial in (1.0 + 0.0 * x, x, v, x * x, x * v, v * v)
+        ]
         flown = AffinePaths(*trace.affine, trace.offsets, trace.node_weights)
-        found = moment_sums(values, trace.points, flown, trace.numbers, trace.ends, trace.flags, 0.0)
-        assert found[:6] == pytest.approx(expected, rel=1e-12)
+        sums = moment_sums(values, trace.points, flown, trace.numbers, trace.ends, trace.flags, 0.0)
+        assert sums[:6] == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(("part", "bent"), [(0.99, False), (1.01, True)])

@@ -96,10 +96,10 @@ def test_a_piece_over_next_to_no_time_is_the_force_there(start):
 
 
 def test_one_sine_is_an_n_sine_of_one_cycle_and_two_are_longer():
-    one, many = Pulse("one-sine", 2.0, 3.0), Pulse("n-sine", 2.0, 3.0, 1)
+    one_sine, n_sine = Pulse("one-sine", 2.0, 3.0), Pulse("n-sine", 2.0, 3.0, 1)
     times = np.linspace(0.0, 3.0, 31)
-    assert np.array_equal(one.values(times), many.values(times))
-    assert Pulse("n-sine", 2.0, 3.0, 2).duration == pytest.approx(2.0 * one.duration)
+    assert np.array_equal(one_sine.values(times), n_sine.values(times))
+    assert Pulse("n-sine", 2.0, 3.0, 2).duration == pytest.approx(2.0 * one_sine.duration)
 
 
 def test_a_record_scales_with_the_block():
@@ -136,8 +136,8 @@ def test_scenes_go_through_toml_and_blocks(tmp_path):
     for pulse in PULSES:
         pulsed = Scene(Block(0.8), pulse, WhiteNoise(0.01))
         assert Scene.from_toml(pulsed.to_toml()) == pulsed
-    made = Scene.from_block(0.6, 2.0, 4.0, 1.5, pulse="n-sine", pulse_cycles=2)
-    assert made.forcing == Pulse("n-sine", SIZE.amplitude(4.0), SIZE.frequency(1.5), 2)
+    pulsed = Scene.from_block(0.6, 2.0, 4.0, 1.5, pulse="n-sine", pulse_cycles=2)
+    assert pulsed.forcing == Pulse("n-sine", SIZE.amplitude(4.0), SIZE.frequency(1.5), 2)
 
 
 def test_results_go_through_files_and_checkpoints(tmp_path):
@@ -162,9 +162,9 @@ def test_the_command_line_takes_times(tmp_path, capsys):
     path = tmp_path / "scene.toml"
     path.write_text(SHAKEN.to_toml())
     assert main(["mc", str(path), "--times", "0.5", "1.25", "--realizations", "3", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert found["times"] == [0.0, 0.5, 1.25]
-    assert "cycles" not in found
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["times"] == [0.0, 0.5, 1.25]
+    assert "cycles" not in printed
     assert main(["mc", str(path), "--realizations", "3"]) == 0
     assert capsys.readouterr().out.count("\n") > 22
     assert main(["mc", str(path), "--cycles", "3"]) == 2
@@ -174,9 +174,9 @@ def test_the_command_line_takes_times(tmp_path, capsys):
 
 
 def test_the_record_of_the_project_is_what_its_script_makes(case):
-    made = case("records/synthetic")
-    record = Record.from_file(made.PATH)
-    assert record.samples == pytest.approx(made.acceleration(), abs=1e-8)
+    script = case("records/synthetic")
+    record = Record.from_file(script.PATH)
+    assert record.samples == pytest.approx(script.acceleration(), abs=1e-8)
     assert (record.interval, len(record.samples), np.abs(record.samples).max()) == (0.01, 4001, pytest.approx(0.35))
     scene = load_scene(ROOT / "cases" / "scenes" / "record.toml")
     assert scene.forcing == record.__class__(0.01, record.samples, "g", 1.3).for_size(scene.block.dimensions)
@@ -284,7 +284,9 @@ def test_peer_files_in_centimetres_and_with_values_that_run_together_are_read(tm
 def esm(samples, **changed):
     header = {"EVENT_NAME": "X", "NDATA": len(samples), "SAMPLING_INTERVAL_S": 0.005, "UNITS": "cm/s^2"} | changed
     lines = [f"{name}: {value}" for name, value in header.items() if value is not None]
-    return "\n".join(lines + [f"USER{k}: " for k in range(64 - len(lines))] + [str(one) for one in samples]) + "\n"
+    return (
+        "\n".join(lines + [f"USER{k}: " for k in range(64 - len(lines))] + [str(sample) for sample in samples]) + "\n"
+    )
 
 
 def test_event_date_and_station_are_kept_as_far_as_a_file_says_them(tmp_path):

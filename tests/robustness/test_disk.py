@@ -51,9 +51,9 @@ def writers():
 
 @pytest.fixture(scope="module")
 def every_writer():
-    made = writers()
-    assert made.keys() == set(NAMES)
-    return made
+    functions = writers()
+    assert functions.keys() == set(NAMES)
+    return functions
 
 
 NAMES = ["evolution", "ensemble", "tally", "histories", "text", "summary", "figure", "series"]
@@ -83,8 +83,8 @@ def test_a_tally_on_a_full_disk_keeps_the_last_checkpoint(tmp_path):
     with disk_with(200), pytest.raises(OSError, match=r"File too large|No space"):
         tally(**ASKED | EDGES | {"realizations": 200}, checkpoint=path)
     assert state(tmp_path) == before
-    found = tally(**ASKED | EDGES | {"realizations": 200}, checkpoint=path)
-    assert content(found)[1:3] == content(tally(**ASKED | EDGES | {"realizations": 200}))[1:3]
+    continued = tally(**ASKED | EDGES | {"realizations": 200}, checkpoint=path)
+    assert content(continued)[1:3] == content(tally(**ASKED | EDGES | {"realizations": 200}))[1:3]
 
 
 @pytest.mark.parametrize("room", [0, 50, 400, 700])
@@ -97,8 +97,10 @@ def test_a_sweep_on_a_full_disk_goes_on_from_its_rows(room, tmp_path):
     before = store.read_bytes()
     assert len(before) == room
     assert before.count(b"\n") == max(reported, default=-1) + 1
-    found = sweep([WHITE] * 9, **asked)
-    assert [row["values"] for row in found.rows] == [row["values"] for row in sweep([WHITE] * 9, asked["task"]).rows]
+    continued = sweep([WHITE] * 9, **asked)
+    assert [row["values"] for row in continued.rows] == [
+        row["values"] for row in sweep([WHITE] * 9, asked["task"]).rows
+    ]
     assert [json.loads(line)["cell"] for line in store.read_text().splitlines()[1:]] == list(range(9))
     assert store.read_bytes().startswith(before[: before.rfind(b"\n") + 1])
 
@@ -136,7 +138,7 @@ def test_a_reader_sees_whole_results_while_others_write(tmp_path):
     """Two writers of one file, 60 times each: whoever reads meanwhile finds one of the two, whole."""
     path = tmp_path / "result.npz"
     results = [simulate(**ASKED | {"seed": seed, "realizations": 500}) for seed in (1, 2)]
-    known = [content(result) for result in results]
+    contents = [content(result) for result in results]
     results[0].save(path)
 
     def write(result):
@@ -148,6 +150,6 @@ def test_a_reader_sees_whole_results_while_others_write(tmp_path):
         writer.start()
     seen = []
     while any(writer.is_alive() for writer in writers) or not seen:
-        seen.append(known.index(content(Ensemble.load(path))))
+        seen.append(contents.index(content(Ensemble.load(path))))
     assert len(seen) > 5
     assert [file.name for file in tmp_path.iterdir()] == ["result.npz"]

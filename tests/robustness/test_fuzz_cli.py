@@ -62,9 +62,9 @@ def check(status, out, err, as_json):
         assert err.startswith("fpk-rocking")
         assert len(err) > len("fpk-rocking mc: \n"), err
     elif as_json and not out.startswith("usage"):
-        found = json.loads(out)
-        known = found["survival"][-1:] if "survival" in found else found["overturned"][0]
-        assert all(share is None or 0.0 <= share <= 1.0 for share in known)
+        printed = json.loads(out)
+        shares = printed["survival"][-1:] if "survival" in printed else printed["overturned"][0]
+        assert all(share is None or 0.0 <= share <= 1.0 for share in shares)
 
 
 def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, noise_replacement="white", progress=None):  # noqa: ARG001
@@ -87,10 +87,10 @@ def folder(tmp_path, monkeypatch):
 @fuzz.sizes(150, 2000)
 def test_any_arguments(examples, folder):
     def claim(command, options):
-        given = [command, "scene.toml", *FEW[command]]
+        arguments = [command, "scene.toml", *FEW[command]]
         for name, value in options:
-            given += [name, value] if value is not None else [name]
-        check(*run(*given), "--json" in given)
+            arguments += [name, value] if value is not None else [name]
+        check(*run(*arguments), "--json" in arguments)
 
     pairs = st.tuples(st.sampled_from(OPTIONS) | st.text("-abc", max_size=4), st.none() | ODD)
     small = pairs.filter(lambda pair: len(pair[1] or "") < 2 or not pair[1].isdigit() or len(pair[1]) > 30)

@@ -41,10 +41,10 @@ def test_killed_runs_lose_nothing_that_they_reported(kills, tmp_path):
     before = 0
     for _ in range(kills):
         reported = killed_at(path, target, instants.uniform(0.0, 0.3))
-        found = Tally.load(path)
-        assert before < reported <= found.realizations
-        assert found.realizations < target, "ended before it was killed"
-        before = found.realizations
+        saved = Tally.load(path)
+        assert before < reported <= saved.realizations
+        assert saved.realizations < target, "ended before it was killed"
+        before = saved.realizations
     assert counts(tally(SCENE, **ASKED, realizations=before, checkpoint=path)) == counts(
         tally(SCENE, **ASKED, realizations=before)
     )
