@@ -90,7 +90,7 @@ def test_flight_is_of_second_order(diffusion):
 
 
 def test_an_exact_block_lands_on_another_mesh_only_by_a_trace_made_for_it():
-    space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 1) for count in (3, 4))
+    space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 3) for count in (3, 4))
     dynamics, quadrature = Dynamics(FORCING, 1e-3, 0.5, 1.5, critical_angle=0.6), Quadrature(2, 2, 2, 2)
     trace = Characteristics(space, 0.0, 0.01, dynamics, quadrature)
     Step(trace, space)

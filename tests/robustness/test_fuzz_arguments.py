@@ -84,11 +84,8 @@ WRONG_OVER = st.one_of(
     st.sampled_from([{}, {"size": [1.0]}, {"noise.kind": [1.0]}, {"forcing.phase": []}]),
 )  # fmt: skip
 
-SAMPLES = fuzz.NOT_COUNTS.filter(lambda value: value is not None) | TOO_MANY
-
 ENTRIES = {
     "simulate": (simulate, {"scene": BAND} | SMALL, RUN),
-    "simulate white": (simulate, {"scene": WHITE} | SMALL, RUN),
     "tally": (
         tally,
         {"scene": WHITE} | SMALL,

@@ -112,29 +112,6 @@ def test_damaged_files(examples, kind, saved, tmp_path):
     fuzz.hold(examples, claim, damage=damages())
 
 
-@fuzz.sizes(60, 600)
-def test_damaged_checkpoints(examples, saved, tmp_path):
-    """A run goes on from a file that holds what was saved, or refuses it and leaves it as it is."""
-    intact = saved["tally"][2]
-    more = ASKED | EDGES | {"realizations": 8}
-    expected = [array.tobytes() for array in tally(**more).counts]
-    spoiled = tmp_path / "state.npz"
-
-    def claim(damage):
-        spoiled.write_bytes(damaged(intact, damage))
-        before = spoiled.read_bytes()
-        try:
-            resumed = tally(**more, checkpoint=spoiled)
-        except ValueError as error:
-            assert str(error).startswith(f"checkpoint: {spoiled}: ")
-            assert spoiled.read_bytes() == before
-        else:
-            assert [array.tobytes() for array in resumed.counts] == expected
-        assert list(tmp_path.iterdir()) == [spoiled]
-
-    fuzz.hold(examples, claim, damage=damages())
-
-
 JSON = st.recursive(
     st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=6)),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
