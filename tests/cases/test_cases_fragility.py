@@ -11,7 +11,7 @@ import pytest
 from test_cases_montecarlo import written
 
 
-def test_blocks(case, tmp_path, monkeypatch):
+def test_paths_and_density_of_blocks_agree(case, tmp_path, monkeypatch):
     """Paths and density under the same white noise, in the first .6 s of the motion."""
     module = case("fragility_of_blocks")
     monkeypatch.setattr(module, "END", module.BEGIN + 0.6)
@@ -44,7 +44,7 @@ def test_the_largest_difference_is_told(case):
     assert largest["interval"] == pytest.approx([4.0 - 0.8, 5.0 - 0.8])
 
 
-def test_surface(case, tmp_path):
+def test_larger_blocks_stand_better_and_slender_ones_worse(case, tmp_path):
     coarse = {
         "sizes": (0.4, 1.0, 2.0),
         "slendernesses": (3.0, 5.0, 8.0),

@@ -31,7 +31,7 @@ def sampled(probability, realizations):
     return pytest.approx(probability, abs=4.5 * math.sqrt(probability * (1.0 - probability) / realizations))
 
 
-def test_fig05(case, tmp_path):
+def test_fig05_has_the_known_share_standing_and_a_bounded_motion_without_noise(case, tmp_path):
     """Known: 100,000 realizations of another seed stand after 125 cycles with .7330, .9064 and .9855."""
     values = case("fig05_overturning").run(tmp_path, realizations=3000, cycles=140, bounded_cycles=400)
     assert "variance = 0.0025" in values["scene"]
@@ -47,7 +47,7 @@ def test_fig05(case, tmp_path):
     assert written(tmp_path, "fig05", values)
 
 
-def test_fig07(case, tmp_path):
+def test_fig07_has_the_known_survival_and_a_mirror_image(case, tmp_path):
     coarse = {"cycles": 10, "realizations": 1000, "variances": (0.01, 0.04), "density_variances": (0.04,)}
     values = case("fig07_survival_against_noise").run(tmp_path, **coarse, phase_variances=(0.04,))
     assert "phase = 0.0" in values["scene"]
@@ -65,7 +65,7 @@ def test_fig07(case, tmp_path):
     assert written(tmp_path, "fig07", values)
 
 
-def test_fig08(case, tmp_path):
+def test_fig08_restarted_means_stay_on_the_attractor_without_noise(case, tmp_path):
     values = case("fig08_mean_poincare").run(tmp_path, cycles=150, realizations=200, seeds=2)
     assert "phase = 3.14\n" in values["scene"]
     assert "variance = 0.0016" in values["scene"]
@@ -80,7 +80,7 @@ def test_fig08(case, tmp_path):
     assert written(tmp_path, "fig08", values)
 
 
-def test_fig09(case, tmp_path):
+def test_fig09_mean_maps_shrink_and_overturn_as_noise_grows(case, tmp_path):
     module = case("fig09_mean_map_and_noise")
     paper = (0.0, 0.05, 0.06, 0.09, 0.16, 0.2)
     values = module.run(tmp_path, paper=paper, between=(), seeds=2, realizations=200, cycles=120)
@@ -96,7 +96,7 @@ def test_fig09(case, tmp_path):
     assert written(tmp_path, "fig09", values)
 
 
-def test_bifurcation(case, main_scene, tmp_path):
+def test_bifurcation_ends_at_the_known_crisis(case, main_scene, tmp_path):
     module = case("bifurcation")
     module.BLOCKS = 12
     values = module.run(tmp_path, amplitudes=(2.6, 4.6, 4.9), cycles=1500)
@@ -112,7 +112,7 @@ def test_bifurcation(case, main_scene, tmp_path):
 
 
 @pytest.mark.slow
-def test_survival_against_restitution(case, tmp_path):
+def test_survival_against_restitution_is_the_known_one(case, tmp_path):
     coarse = {"restitutions": (0.5, 0.7, 1.0), "density_restitutions": (0.7,), "realizations": 2000, "tol": 5e-2}
     values = case("survival_against_restitution").run(tmp_path, **coarse)
     survival = np.array(values["bands"][1]["survival"])
@@ -124,7 +124,7 @@ def test_survival_against_restitution(case, tmp_path):
     assert written(tmp_path, "restitution", values)
 
 
-def test_first_passage(case, tmp_path):
+def test_first_passages_add_up_to_the_overturned(case, tmp_path):
     values = case("first_passage").run(tmp_path, variances=(0.04,), cycles=6, realizations=20_000, tol=1e-2)
     row = values["noise"][0]
     assert max(map(abs, row["white_z"].values())) < 4.5
@@ -134,7 +134,7 @@ def test_first_passage(case, tmp_path):
     assert written(tmp_path, "passage", values)
 
 
-def test_band_inferred(case, tmp_path):
+def test_the_band_inferred_is_the_one_that_meets_the_figures(case, tmp_path):
     module = case("band_inferred")
     coarse = {"bands": (5.0, 10.0), "raised": ((2.0, 4.0),), "left_out": (6.0,), "realizations": 2000}
     values = module.run(tmp_path, **coarse, seeds=2, few_seeds=1, map_size=200, map_cycles=120)
@@ -163,7 +163,7 @@ def test_band_inferred(case, tmp_path):
     assert written(tmp_path, "band", values)
 
 
-def test_leakage_against_flux(case, main_scene, tmp_path):
+def test_leakage_rises_with_the_flux_over_noise_but_not_over_restitution(case, main_scene, tmp_path):
     coarse = {"variances": (0.01, 0.04), "restitutions": (0.5, 0.7, 0.9), "cycles": 40, "realizations": 2000}
     values = case("leakage_against_flux").run(tmp_path, **coarse)
     ordering = values["over_noise"][1]
@@ -209,7 +209,7 @@ def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turn
 
 
 @pytest.mark.slow
-def test_second_harmonic(case, tmp_path, monkeypatch):
+def test_densities_under_a_second_harmonic_agree_with_samples(case, tmp_path, monkeypatch):
     """Coarse densities of five cycles beside 2000 realizations and survival at tol 1e-3; rates beside theirs."""
     module = case("second_harmonic")
     monkeypatch.setattr(module, "CYCLES", 5)

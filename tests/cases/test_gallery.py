@@ -44,7 +44,7 @@ def test_gallery_holds_these_pictures_and_the_documents_show_no_others():
 
 
 @pytest.mark.parametrize(("largest", "width"), [(gallery.LARGEST, gallery.WIDTHS[0]), (1000, gallery.WIDTHS[-1])])
-def test_reduced_pictures(tmp_path, monkeypatch, largest, width):
+def test_reduced_pictures_keep_their_lines_and_titles(tmp_path, monkeypatch, largest, width):
     """A thin line keeps its colour beside a field of many; what palettes cannot make small enough loses pixels."""
     monkeypatch.setattr(gallery, "LARGEST", largest)
     pixels = np.empty((900, 1500, 3), dtype=np.uint8)

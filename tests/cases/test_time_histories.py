@@ -41,7 +41,7 @@ def test_survival_is_the_known_one(coarse):
         assert survival[cycle] == pytest.approx(expected, abs=4.5 * np.sqrt(expected * (1.0 - expected) / 3000))
 
 
-def test_files(coarse):
+def test_its_files_hold_numbers_and_pictures(coarse):
     folder, values = coarse
     assert {path.name for path in folder.iterdir()} == {"histories.png", "histories.json", "histories.npz"}
     assert json.loads((folder / "histories.json").read_text(encoding="utf-8")) == values

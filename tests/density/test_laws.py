@@ -1,6 +1,6 @@
 """Laws of one step: its order in time, what crosses x = 0, the traces there, and the symmetry of the phase plane.
 
-The order in mesh size, degree by degree, is in test_density_accuracy.
+The order in mesh size, degree by degree, is in test_accuracy.
 """
 
 import math

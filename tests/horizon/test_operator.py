@@ -3,7 +3,6 @@
 import contextlib
 import copy
 import dataclasses
-import math
 import pathlib
 import types
 
@@ -12,7 +11,6 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
-from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.space import reflected
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon import mesh_operator
@@ -240,61 +238,6 @@ def test_first_passage_map_is_the_loss_of_survival(operator):
     assert np.abs(operator.first_passage_map(3).coefficients - loss).max() < 1e-13
 
 
-def test_another_leading_eigenvalue_of_the_adjoint_is_refused(monkeypatch):
-    def modes(*values):
-        return types.SimpleNamespace(values=np.array(values))
-
-    mesh = types.SimpleNamespace(space=types.SimpleNamespace(unknowns=4), rmatvec=None, modes=modes(0.9, 0.5))
-    monkeypatch.setattr(mesh_operator, "leading_modes", lambda *_: modes(0.9, 0.4))
-    assert mesh_operator.MeshOperator.left_modes.func(mesh).values[1] == 0.4
-    monkeypatch.setattr(mesh_operator, "leading_modes", lambda *_: modes(0.9 - 1e-7, 0.5))
-    with pytest.raises(ValueError, match=r"scene: got 'eigenvalues 0\.9\d+ and 0\.8999999\d+', accepted: .* adjoint"):
-        mesh_operator.MeshOperator.left_modes.func(mesh)
-
-
-@pytest.mark.parametrize(
-    ("negative", "error", "refused"),
-    [
-        (TUNING.unresolved_negative_mass, 0.99, None),
-        (TUNING.unresolved_negative_mass * 1.0001, 0.1, "does not resolve"),
-        (0.0, 1.0, "one above the error of the finest"),
-        (0.0, math.nan, "one above the error of the finest"),
-    ],
-)
-def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative, error, refused):
-    warned = []
-    monkeypatch.setattr(mesh_operator, "warn_beyond", lambda *arguments, **_: warned.append(arguments))
-    fine = types.SimpleNamespace(negative_mass=negative, solution=types.SimpleNamespace(rate=1e-3))
-    refined = types.SimpleNamespace(fine=fine, error=error)
-    if refused:
-        with pytest.raises(ValueError, match=refused):
-            mesh_operator.judge(refined, 1e-3)
-    else:
-        mesh_operator.judge(refined, 1e-3)
-    assert len(warned) == (refused is None)
-
-
-@pytest.mark.parametrize(
-    ("rates", "negative", "stagnated"),
-    [
-        ((0.0, 9e-16), (0.0, 0.0), True),
-        ((0.0, 2e-15), (0.0, 0.0), False),
-        ((1e-3, 1e-3), (1.9, 0.0), False),
-        ((1e-3, 1e-3), (2.1, 0.0), True),
-        ((1e-3, 1e-3), (3.0, 4.0), True),
-        ((1e-3, 1e-3), (3.0, 4.5), False),
-    ],
-)
-def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negative, stagnated):
-    fine, coarse = (
-        types.SimpleNamespace(
-            solution=types.SimpleNamespace(rate=rate), negative_mass=TUNING.unresolved_negative_mass * part
-        )
-        for rate, part in zip(rates, negative, strict=True)
-    )
-    assert mesh_operator.is_stagnated(types.SimpleNamespace(fine=fine, coarse=coarse)) == stagnated
-
-
 def test_half_a_turn_of_the_phase_turns_the_map(operator):
     """(x, v, Psi) -> (-x, -v, Psi + pi)."""
     there, here = operator.survival_map(2, phase=MAIN.forcing.phase + np.pi), operator.survival_map(2)
@@ -435,16 +378,3 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
     assert bins.sum() == pytest.approx(1.0, abs=2e-3)
     assert repr(mean).startswith(f"<PlaneMap: integral {mean.integral:.4g} on ")
     assert len(mean.plot().axes) == 2
-
-
-def test_what_the_mesh_loses_is_an_error_of_the_rate():
-    """With velocities up to 2.5 alone, blocks that would come back are lost: however well two meshes agree."""
-    white = MAIN.white_equivalent()
-    motion = explore(white, white.period * np.arange(5))
-    wide, cut = (mesh_operator.MeshOperator(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
-    off = abs(cut.rate / wide.rate - 1.0)
-    assert off > 0.01
-    assert cut.level.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
-    assert cut.level.error(0.0, 0.0) > 0.5 * off
-    assert cut.level.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
-    assert abs(wide.level.error(0.0, 0.0)) < 1e-3

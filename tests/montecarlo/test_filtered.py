@@ -324,41 +324,43 @@ def test_tally_counts_the_same_paths(tmp_path):
     assert survival_test(counted.survivors[1:], 700, ensemble.survivors[1:], 700).agrees
 
 
+def one_path(noise, **asked):
+    return simulate(scene_of(noise), cycles=1, realizations=1, **asked)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (
-            lambda: simulate(load_scene("cases/scenes/main.toml"), cycles=1, realizations=1, method="filtered"),
+            lambda: simulate(load_scene("main"), cycles=1, realizations=1, method="filtered"),
             r"method: got 'filtered', accepted: 'exact' or 'rk4' .*scene\.filtered_equivalent\(\)",
         ),
         (
-            lambda: simulate(scene_of(LOW_PASS), cycles=1, realizations=1, method="exact"),
+            lambda: one_path(LOW_PASS, method="exact"),
             "method: got 'exact', accepted: 'filtered' for noise of kind 'filtered'",
         ),
         (
-            lambda: simulate(
-                scene_of(FilteredNoise("exponential", 0.1, 1e3)), cycles=1, realizations=1, steps_per_cycle=10**6
-            ),
+            lambda: one_path(FilteredNoise("exponential", 0.1, 1e3), steps_per_cycle=10**6),
             r"steps_per_cycle: got 1000000, accepted: up to 2252. with a filter of this rate",
         ),
         (
-            lambda: simulate(scene_of(FilteredNoise("exponential", 0.1, 1e-4)), cycles=1, realizations=1),
+            lambda: one_path(FilteredNoise("exponential", 0.1, 1e-4)),
             r"noise\.frequency: got 0\.0001, accepted: an absolute value from 0\.001 to 10000",
         ),
         (
-            lambda: simulate(scene_of(FilteredNoise("low-pass", 0.1, 9e3, 40.0)), cycles=1, realizations=1),
+            lambda: one_path(FilteredNoise("low-pass", 0.1, 9e3, 40.0)),
             r"noise\.frequency: got 9000\.0, accepted: a filter whose fastest rate",
         ),
         (
-            lambda: simulate(scene_of(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)), cycles=1, realizations=1),
+            lambda: one_path(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)),
             r"noise\.damping: got 0\.0001, accepted: from 0\.001 to 1000",
         ),
         (
-            lambda: simulate(scene_of(soil_noise(1e-4, 0.6)), cycles=1, realizations=1),
+            lambda: one_path(soil_noise(1e-4, 0.6)),
             r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues of sizes from 0\.001 to 10000",
         ),
         (
-            lambda: simulate(scene_of(soil_noise(1.0, 1e-4)), cycles=1, realizations=1),
+            lambda: one_path(soil_noise(1.0, 1e-4)),
             r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues .* decay by 0\.001 of their size",
         ),
         (
@@ -368,7 +370,7 @@ def test_tally_counts_the_same_paths(tmp_path):
         (lambda: CycleOperator(scene_of(LOW_PASS)), r"noise\.kind: got 'filtered', accepted: .*solve_fpk\(\)"),
     ],
 )
-def test_refusals(call, message):
+def test_what_filtered_noise_does_not_allow_is_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
 
@@ -389,7 +391,7 @@ def test_results_name_their_noise():
 @pytest.mark.parametrize(
     ("noise", "order"), [(NOISES[1], 1.65), (FilteredNoise("low-pass", 0.0406, 15.5, 0.7071), 2.4)]
 )
-def test_order_of_the_intervals(noise, order):
+def test_intervals_have_the_order_of_their_noise(noise, order):
     """Coupled paths of a block near |f| = 1 after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer.
 
     The order is that of the mean angle where the noise is rough, and of the share at rest where it is smooth, whose

@@ -8,6 +8,7 @@ import motion
 import numpy as np
 import pytest
 from made_results import SAMPLES, WITH_ROWS, equal, kind
+from matplotlib.figure import Figure
 
 from fpk_rocking.output import curves, densities, vtk
 from fpk_rocking.results import style
@@ -200,6 +201,11 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
         if side:
             cut = result.scene.overturning.angle
             equal(curves["x"].get_xydata(), [[few["overturn_time"][number], side * cut]])
+    alone = Figure().subplots()
+    motion.history_panel(alone, result, 0, impacts=False)
+    cut = result.scene.overturning.angle
+    assert (alone.get_xlim(), alone.get_ylim()) == ((0.0, result.time[-1]), (-1.15 * cut, 1.15 * cut))
+    assert "o" not in {line.get_marker() for line in alone.lines}
     (points,) = (axes for title, axes in panels.items() if title.startswith("(b) Poincaré points"))
     equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
     standing = np.isfinite(states["angle"][1][:, -1]).sum()

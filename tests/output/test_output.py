@@ -97,7 +97,7 @@ def test_maps_of_both_engines(tmp_path, drawn):
         assert above.collections[0].get_clim() == below.collections[0].get_clim()
 
 
-def test_survival_figure(tmp_path, drawn):
+def test_the_survival_figure_draws_survival_and_differences(tmp_path, drawn):
     white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=3_000, method="white")
     curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE, white], "Survival")
     (figure,) = drawn

@@ -284,7 +284,7 @@ def test_a_filter_is_checked_by_name(arguments, error, message):
 
 
 @each
-def test_toml_form(main_scene, noise):
+def test_the_toml_form_of_a_filter_round_trips(main_scene, noise):
     scene = main_scene.varied(noise=noise)
     assert 'kind = "filtered"' in scene.to_toml()
     assert ("damping" in scene.to_toml()) is (noise.filter != "exponential")

@@ -85,7 +85,7 @@ def folder(tmp_path, monkeypatch):
 
 
 @fuzz.sizes(150, 2000)
-def test_any_arguments(examples, folder):
+def test_any_arguments_give_a_result_or_one_line(examples, folder):
     def claim(command, options):
         arguments = [command, "scene.toml", *FEW[command]]
         for name, value in options:

@@ -99,7 +99,7 @@ def damaged(content, damage):
 
 @pytest.mark.parametrize("kind", KINDS)
 @fuzz.sizes(120, 4000)
-def test_damaged_files(examples, kind, saved, tmp_path):
+def test_damaged_files_are_refused_or_read_unchanged(examples, kind, saved, tmp_path):
     cls, path, intact = saved[kind]
     expected = content(cls.load(path))
     spoiled = tmp_path / "spoiled.npz"
@@ -182,7 +182,7 @@ def changed(path, archive, change):
 
 @pytest.mark.parametrize("kind", KINDS)
 @fuzz.sizes(60, 1500)
-def test_archives_of_other_content(examples, kind, saved, tmp_path):
+def test_archives_of_other_content_are_refused(examples, kind, saved, tmp_path):
     cls, _, intact = saved[kind]
     with np.load(io.BytesIO(intact)) as archive:
         arrays = {name: archive[name] for name in archive.files}

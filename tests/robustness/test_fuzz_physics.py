@@ -44,7 +44,7 @@ def check(ensemble):
 
 @pytest.mark.parametrize("method", METHODS)
 @fuzz.sizes(60, 1200)
-def test_extreme_scenes_by_every_engine(examples, method):
+def test_extreme_scenes_are_simulated_consistently_or_refused(examples, method):
     simulate(fuzz.scene(noise=fuzz.WhiteNoise(0.006) if method == "white" else fuzz.NoNoise()), method=method, **FEW)
 
     def claim(scene, steps):
@@ -90,7 +90,7 @@ def solvable_scenes(draw):
 
 
 @pytest.mark.slow
-def test_extreme_scenes_by_the_density_solver():
+def test_extreme_scenes_are_solved_consistently_or_refused():
     def claim(scene):
         densities = []
         with warnings.catch_warnings():

@@ -48,7 +48,7 @@ def spoiled(draw, text):
 
 @pytest.mark.parametrize("name", TEXTS)
 @fuzz.sizes(80, 4000)
-def test_spoiled_record_files(examples, name, tmp_path):
+def test_spoiled_record_files_are_read_as_finite_or_refused(examples, name, tmp_path):
     (text, units), path = TEXTS[name], tmp_path / name
 
     def claim(data):
@@ -91,7 +91,7 @@ kind = "none"
 
 
 @pytest.mark.parametrize("file", [".", "none.AT2", "", "/dev/zero", "a" * 5000, "\\u0000", "scene.toml"])
-def test_a_scene_with_what_is_no_record_file(file, tmp_path):
+def test_a_scene_with_what_is_no_record_file_is_refused(file, tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE.format(file=file), encoding="utf-8")
     status, out, err = run("mc", scene)

@@ -79,7 +79,7 @@ def spoiled_texts(draw):
 
 
 @fuzz.sizes(300, 12000)
-def test_spoiled_texts(examples):
+def test_spoiled_texts_are_read_as_equal_scenes_or_refused_by_name(examples):
     fuzz.hold(examples, claim_text, text=spoiled_texts())
 
 

@@ -36,7 +36,7 @@ def _fall():
 FALLEN = _fall()
 
 
-def test_what_is_deterministic():
+def test_a_scene_without_noise_and_spread_is_deterministic():
     spread = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
     silent = BandNoise(0.0, (0.0, 10.0), 100), WhiteNoise(0.0), FilteredNoise("exponential", 0.0, 1.0), NoNoise()
     for noise in silent:
