@@ -1,4 +1,4 @@
-"""What one looks at: mean Poincaré maps, first passages, impact speeds, errors of bins."""
+"""Mean Poincaré maps, and the statistics of first passages, impact speeds and bins."""
 
 import dataclasses
 import math
