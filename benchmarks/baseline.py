@@ -68,10 +68,10 @@ def main():
     rows, shares = [], {}
     for name, records in groups.items():
         drifts = [record.drift for record in records]
-        ratio = np.quantile([one.pgv / one.corrected_pgv for one in drifts], [0.05, 0.5, 0.95])
+        ratio = np.quantile([drift.pgv / drift.corrected_pgv for drift in drifts], [0.05, 0.5, 0.95])
         shares[name] = float(np.mean([record.drifts for record in records]))
-        told = f"{sum(record.drifts for record in records)} of {len(records)}"
-        rows.append([name, told, *(f"{value:.3g}" for value in ratio)])
+        drifting_of_all = f"{sum(record.drifts for record in records)} of {len(records)}"
+        rows.append([name, drifting_of_all, *(f"{value:.3g}" for value in ratio)])
     chosen = raw[:: len(raw) // MOTIONS][:MOTIONS]
     added = [drifting(record) for record in chosen]
     rates = {

@@ -149,7 +149,8 @@ def page(values):
     ]
     for name, rows in coverage.items():
         text += [
-            f"| {name} | {size} | {' | '.join(f'{row[one]:.3f}' for one in NAMES)} |" for size, row in rows.items()
+            f"| {name} | {size} | {' | '.join(f'{row[column]:.3f}' for column in NAMES)} |"
+            for size, row in rows.items()
         ]
     text += ["", "Share of suites that the test rejects at 5 %, by the law of the capacities:", ""]
     text += [f"| law | {' | '.join(f'{size} motions' for size in sizes)} |", "|---|" + "---|" * len(sizes)]
@@ -162,5 +163,5 @@ def page(values):
 
 
 if __name__ == "__main__":
-    found = run()
-    write_json(sys.argv[1] if len(sys.argv) > 1 else "docs/benchmarks/few_motions.json", page(found) | found)
+    tables = run()
+    write_json(sys.argv[1] if len(sys.argv) > 1 else "docs/benchmarks/few_motions.json", page(tables) | tables)

@@ -187,9 +187,9 @@ def judged(scene, tol, paths):
         try:
             evolution = solve_fpk(scene, cycles=CYCLES, tol=tol)
         except Exception as reason:  # noqa: BLE001  (the table says what came, and goes on)
-            seconds, said = time.perf_counter() - begin, [f"{type(reason).__name__}: {reason}"]
+            seconds, messages = time.perf_counter() - begin, [f"{type(reason).__name__}: {reason}"]
         else:
-            seconds, said = time.perf_counter() - begin, [str(warning.message) for warning in caught]
+            seconds, messages = time.perf_counter() - begin, [str(warning.message) for warning in caught]
             truth, noise = sampling(reference)
             errors = np.asarray(evolution.survival) - truth
             worst = 1 + int(np.abs(errors[1:]).argmax())
@@ -199,7 +199,7 @@ def judged(scene, tol, paths):
     survival = reference.standing[-1] / reference.paths
     diffusion = white.noise.diffusion
     figures = error, z, estimate, bins, apart
-    return Row(scene, diffusion, survival, *figures, paths, seconds, variance, rates, "; ".join(said))
+    return Row(scene, diffusion, survival, *figures, paths, seconds, variance, rates, "; ".join(messages))
 
 
 def cells_of(number, row):

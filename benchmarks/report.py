@@ -20,7 +20,7 @@ def medians(functions, rounds=5):
 
     Parameters
     ----------
-    calls : dict of str to callable
+    functions : dict of str to callable
         Without arguments.
     rounds : int
         Rounds that count.

@@ -113,8 +113,8 @@ def _paper(axes, omega, noise):
         ("peak", style.COLOURS[0], "(14)"),
         ("mean square", style.COLOURS[1], "mean square"),
     ):
-        for one, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
-            amplitude = melnikov.critical_amplitude(omega, PAPER, one, criterion)
+        for curve_noise, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
+            amplitude = melnikov.critical_amplitude(omega, PAPER, curve_noise, criterion)
             width = 2.2 if criterion == "peak" else 1.0
             axes.plot(omega, amplitude, line, color=colour, linewidth=width)
             last = np.flatnonzero(amplitude < _HIGHEST)[-1]
@@ -156,7 +156,7 @@ def _noisy(axes):
     variance, lines = np.linspace(0.0, 1.0, POINTS), (":", "-", "--")
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         for high, line in zip(BANDS, lines, strict=True):
-            noises = [BandNoise(one, (0.0, high), 100) for one in variance]
+            noises = [BandNoise(strength, (0.0, high), 100) for strength in variance]
             amplitude = melnikov.critical_amplitude(4.0, e, noises)
             axes.plot(variance, _until_zero(amplitude), line, color=colour)
         style.named(axes, f"e = {e:g}", (0.0, amplitude[0]), colour, offset=(-5.0, -3.0), ha="right")
@@ -177,7 +177,7 @@ def report(values):
     print(f"{'':34}" + "".join(f"Ω = {omega:<7g}" for omega in values["frequencies"]))
     for name in ("without_noise", "with_noise", "exact_without_noise"):
         for e, row in zip(values["restitutions"], values[name], strict=True):
-            print(f"{name.replace('_', ' '):24}e = {e:<6g}" + "".join(f"{one:<11.4f}" for one in row))
+            print(f"{name.replace('_', ' '):24}e = {e:<6g}" + "".join(f"{amplitude:<11.4f}" for amplitude in row))
 
 
 if __name__ == "__main__":

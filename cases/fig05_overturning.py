@@ -99,7 +99,8 @@ def _lateness(ensemble, highest):
         "interval": wilson_interval(beyond, cycles.size).tolist(),
         "to_the_right": float(np.mean(ensemble.overturn_side[overturned] > 0)),
         "quantiles_of_cycles": {
-            str(share): float(one) if np.isfinite(one) else None for share, one in zip(shares, quantiles, strict=True)
+            str(share): float(cycle) if np.isfinite(cycle) else None
+            for share, cycle in zip(shares, quantiles, strict=True)
         },
         "survival_every_25_cycles": ensemble.survival[::every].tolist(),
     }
@@ -160,7 +161,9 @@ def report(values):
     for late in values["late"]:
         low, high = late["interval"]
         chance = f"P(standing after {LATE} cycles) {late['standing_after_125']:.4f} ({low:.4f} to {high:.4f})"
-        quantiles = ", ".join("-" if one is None else f"{one:.1f}" for one in late["quantiles_of_cycles"].values())
+        quantiles = ", ".join(
+            "-" if cycle is None else f"{cycle:.1f}" for cycle in late["quantiles_of_cycles"].values()
+        )
         right = f"{100 * late['to_the_right']:.0f} % to the right"
         print(f"band {late['band']}: {chance}, {right}, 2.5, 25, 50, 75, 97.5 % overturned after {quantiles} cycles")
     print(f"Shown: realization {values['realization']}, {values['overturned_after_cycles']:.1f} cycles")

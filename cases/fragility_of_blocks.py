@@ -42,7 +42,7 @@ ENGINES = "white", "density", "exact"
 
 
 def scene_of(width, height):
-    """Return the scene of a block, at scale 1."""
+    """Return the scene of a block of a width and height (m) under the strong part of the record, at scale 1."""
     record = Record.from_file(MOTION)
     first, last = (round(time / record.interval) for time in (BEGIN, END))
     strong = dataclasses.replace(record, samples=record.samples[first : last + 1])

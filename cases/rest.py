@@ -61,7 +61,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     scene = load_scene("rest")
     filtered = scene.filtered_equivalent()
     values = {"scene": scene.to_toml(), "filtered": filtered.to_toml(), "realizations": realizations}
-    values["sampled"] = {name: _sampled(one, cycles, realizations, seed) for name, one in _noises(scene, filtered)}
+    values["sampled"] = {name: _sampled(noisy, cycles, realizations, seed) for name, noisy in _noises(scene, filtered)}
     values["solved"] = {replacement: _solved(scene, cycles, tol, replacement) for replacement in ("filtered", "white")}
     values["inside"] = look_inside(filtered, resolution)
     draw(out / "rest.png", values)

@@ -154,8 +154,8 @@ def contact_forces(histories: Histories) -> ContactForces:
     force = _total_force(scene, histories.seed, count, histories.steps_per_cycle, histories.time)
     slender = scene.block.critical_angle == 0.0
     alpha = math.atan(scene.block.least_friction)
-    both = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender)
-    return ContactForces(scene, histories.time, *both)
+    pair = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender)
+    return ContactForces(scene, histories.time, *pair)
 
 
 def _total_force(scene, seed, count, steps_per_cycle, times):

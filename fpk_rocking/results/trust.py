@@ -121,12 +121,12 @@ def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
     Trust
     """
     diagnostics = list(dict.fromkeys(diagnostics))
-    judged = [one for one in diagnostics if one.value is not None and one.message]
+    judged = [diagnostic for diagnostic in diagnostics if diagnostic.value is not None and diagnostic.message]
     if not (judged or reason):
         diagnostics.append(Diagnostic(CAUTION, "No error is estimated.", "unjudged"))
-    against = sorted((one for one in diagnostics if one.severity), key=lambda one: -one.severity)
+    against = sorted(filter(lambda d: d.severity, diagnostics), key=lambda d: -d.severity)
     if against:
-        return Trust(VERDICTS[against[0].severity], tuple(one.message for one in against))
+        return Trust(VERDICTS[against[0].severity], tuple(diagnostic.message for diagnostic in against))
     return Trust(VERDICTS[0], (judged[0].message if judged else reason,))
 
 
@@ -147,18 +147,18 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
         In the order of `DIAGNOSTICS`.
     """
     diagnostics = []
-    for name, (what, caution, unusable) in _limits(tol, bins_tol, values).items():
+    for name, (figure, caution, unusable) in _limits(tol, bins_tol, values).items():
         if np.size(values.get(name, ())) == 0:
             continue
         value = float(np.max(values[name]))
         if math.isinf(caution):
             diagnostics.append(Diagnostic(0, "", name, value))
         elif value <= caution:  # written so that nan is not within a limit
-            text = f"The {what} is {_beside(value, caution)}, within {caution:.2g}."
+            text = f"The {figure} is {_beside(value, caution)}, within {caution:.2g}."
             diagnostics.append(Diagnostic(0, text, name, value))
         else:
             severity, limit = (CAUTION, caution) if value <= unusable else (UNUSABLE, unusable)
-            text = f"The {what} is {_beside(value, limit)}, above {limit:.2g}."
+            text = f"The {figure} is {_beside(value, limit)}, above {limit:.2g}."
             diagnostics.append(Diagnostic(severity, text, name, value))
     return diagnostics
 

@@ -41,7 +41,7 @@ def test_what_leaves_the_cells_overturns_or_is_lost(force):
     change = operator.at(force)[0] @ density
     losses = operator.losses(density, force)
     assert np.all(losses != 0.0)
-    assert abs(operator.one @ change + losses.sum()) < 1e-14 * np.abs(change).sum()
+    assert abs(operator.unit @ change + losses.sum()) < 1e-14 * np.abs(change).sum()
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -67,7 +67,7 @@ def test_impact_fills_a_cell_from_the_velocities_that_it_takes_there():
     restitution = 0.3
     operator, _ = uneven(restitution)
     space, lines = operator.space, operator.space.velocity_lines
-    flux = eulerian_operator.impact(space.basis(), space, operator.scene) @ operator.one
+    flux = eulerian_operator.impact(space.basis(), space, operator.scene) @ operator.unit
     for direction, column in ((1, space.first_positive), (-1, space.first_positive - 1)):
         ends = np.where(lines * direction > 0.0, np.clip(lines / restitution, lines[0], lines[-1]), 0.0)
         before = np.where(lines * direction < 0.0, lines, 0.0)
