@@ -75,6 +75,7 @@ def judged(scene, paths):
 
 
 def _names(scene):
+    """Filter and forcing of a scene, as two cells of text."""
     noise, force = scene.noise, scene.forcing
     return [
         f"{noise.filter}, {noise.frequency:.1f}",

@@ -65,6 +65,7 @@ def practical_blocks(seed, count):
     rng = np.random.default_rng(seed)
 
     def logarithmic(low, high):
+        """Draw a number uniformly in its logarithm."""
         return math.exp(rng.uniform(math.log(low), math.log(high)))
 
     while count > 0:

@@ -102,6 +102,7 @@ def _distance(first, second) -> list:
 
 
 def _plain(mean_map) -> dict:
+    """Fields of a mean map or histogram as plain values by name."""
     return {name: _listed(value) if np.ndim(value) else value for name, value in mean_map._asdict().items()}
 
 
