@@ -98,10 +98,7 @@ def _lateness(ensemble, highest):
         "standing_after_125": beyond / cycles.size,
         "interval": wilson_interval(beyond, cycles.size).tolist(),
         "to_the_right": float(np.mean(ensemble.overturn_side[overturned] > 0)),
-        "quantiles_of_cycles": {
-            str(share): float(cycle) if np.isfinite(cycle) else None
-            for share, cycle in zip(shares, quantiles, strict=True)
-        },
+        "quantiles_of_cycles": files.plain(dict(zip(map(str, shares), quantiles, strict=True))),
         "survival_every_25_cycles": ensemble.survival[::every].tolist(),
     }
 
