@@ -102,6 +102,7 @@ class Operator:
         self._ends = lines[:-1] - sides, lines[1:] - sides
 
     def _assemble(self, basis):
+        """Assemble the three parts of the operator, and what leaves the mesh, from a basis of skfem with quadrature."""
         mesh, lines = basis.mesh, self.space.velocity_lines
         middle = mesh.p[:, mesh.facets].mean(axis=1)
         upright = np.ptp(mesh.p[0][mesh.facets], axis=0) == 0.0
@@ -110,6 +111,7 @@ class Operator:
         strength = (self.space.degree + 1) ** 2 * self.scene.noise.diffusion / size
 
         def on(form, facets):
+            """Matrix of a form over facets, numbers (n,) of the mesh."""
             sides = [FacetBasis(mesh, basis.elem, facets=facets, side=k) for k in range(1 + inside[facets[0]])]
             side, penalty = np.sign(middle[0][facets])[:, None], strength[facets][:, None]
             return asm(form, sides, sides, side=side, penalty=penalty, diffusion=self.scene.noise.diffusion)

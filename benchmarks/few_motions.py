@@ -80,6 +80,7 @@ class _Groups:
 
     @staticmethod
     def rvs(size, random_state):
+        """Values (size,) drawn from a generator, as of a law of scipy."""
         return 1.5 * random_state.choice([-1.0, 1.0], size) + random_state.standard_normal(size)
 
 

@@ -32,7 +32,7 @@ COLUMNS = [
     "estimate",
     "CPU s, density",
     "paths",
-    "said",
+    "warning or refusal",
 ]
 
 
@@ -75,6 +75,7 @@ def judged(scene, paths):
 
 
 def _names(scene):
+    """Filter and forcing of a scene, as two cells of text."""
     noise, force = scene.noise, scene.forcing
     return [
         f"{noise.filter}, {noise.frequency:.1f}",
@@ -105,7 +106,7 @@ def main():
 
 
 def section(rows, inside_by_scene, seed, paths):
-    """Return the text of the section: what was found of the rows, and these."""
+    """Return the text of the section: how many scenes are right, and the rows of the table."""
     answered = [inside for inside in inside_by_scene if inside]
     rests = [inside[1] for row, inside in zip(rows, inside_by_scene, strict=True) if inside and float(row[7]) > 0.0]
     seconds = [float(row[8]) for row in rows if row[8] != "-"]

@@ -42,6 +42,7 @@ def rotation_sum(begin, end, keys, parameters, samples, spacing, sink):
 
 @kernel(fastmath={"contract", "reassoc"})
 def _rotated(own, samples):
+    """Sum of the squares of the noise of a `band.Realization` at so many times, its `hop` apart."""
     cosines, sines, c, s = own.cosines, own.sines, own.hop[0], own.hop[1]
     total = 0.0
     for _ in range(samples):

@@ -40,7 +40,7 @@ COLUMNS = [
     "estimate",
     "density, s",
     "paths, s",
-    "said",
+    "verdict",
 ]
 
 

@@ -57,6 +57,7 @@ def tables_of(body):
 
 
 def _number(text):
+    """Entry of a table as a number, or the text that it is."""
     try:
         return float(text.replace(",", ""))
     except ValueError:

@@ -133,6 +133,7 @@ def when_read(module, field):
 
 
 def _is_plain(function):
+    """Whether a function of a syntax tree is compiled by Python alone, and so reads numbers when it is called."""
     return {*map(ast.unparse, function.decorator_list)} <= {"property", "classmethod", "staticmethod"}
 
 
@@ -160,6 +161,7 @@ def calls():
     moving = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(3.0, 2.7, math.pi), fpk.FilteredNoise("exponential", 0.05, 5.0))
 
     def simulated(scene, cycles, paths=PATHS, **options):
+        """Results of paths of a scene: survival, bins and the first 200 paths, and the error of sampling."""
         ensemble = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
         bins = ensemble.bin_probabilities(len(ensemble.survival) - 1, *EDGES)
         return {
@@ -169,17 +171,20 @@ def calls():
         } | _sampling(ensemble)
 
     def split(scene):
+        """Results of the splitting of a scene: survival, its repeats, and the error of sampling."""
         splitting = mc.split(scene, cycles=2, walkers=100, repeats=20)
         repeats = splitting.repeat_probability[:, -1] / splitting.probability[-1]
         return {"survival": splitting.survival, "paths": repeats, "sampling": splitting.standard_error}
 
     def solved(scene, cycles, **options):
+        """Results of the density of a scene: survival, bins and error estimates."""
         evolution = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
         bins = evolution.bin_probabilities(len(evolution.survival) - 1, *EDGES)
         estimates = [evolution.error_estimate, evolution.bins_error_estimate]
         return {"survival": evolution.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
 
     def operated(scene):
+        """Results of the one-cycle operator of a scene: survival, bins of its leading mode, and its error estimate."""
         operator = fpk.CycleOperator(scene, tol=5e-2)
         estimates, bins = [operator.escape_error], operator.quasi_stationary.bin_probabilities(*EDGES)
         return {"survival": operator.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
@@ -220,6 +225,7 @@ def calls():
     }
 
     def call(name, factor):
+        """Run a scene by its name, with the intensity of its noise times a factor."""
         scene, function, *rest = rows[name]
         field = "diffusion" if scene.noise.kind == "white" else "variance"
         options = rest.pop() if rest and isinstance(rest[-1], dict) else {}
@@ -251,6 +257,7 @@ def work(module, changes):
 
 
 def _sampling(ensemble):
+    """Return the standard error of survival of an `Ensemble` at each row."""
     return {"sampling": np.sqrt(ensemble.survival * (1.0 - ensemble.survival) / ensemble.realizations)}
 
 
@@ -321,6 +328,7 @@ def compare(base, variant, scenes, rounds, count):
 
 
 def _from_1(ratio):
+    """How far a ratio is from 1: the absolute value of its logarithm."""
     return abs(math.log(ratio))
 
 

@@ -101,9 +101,11 @@ def clock():
         single, double = stack.enter_context(cluster(1)), stack.enter_context(cluster(2))
 
         def swept(workers):
+            """Return a function of a list of scenes: their survivors, by a sweep on workers."""
             return lambda part: _survivors(sweep(part, cycles=CYCLES, realizations=size, workers=workers))
 
         def halves(part):
+            """Survivors of scenes, by two plain loops in processes of their own."""
             numbered = list(enumerate(part))
             futures = [pool.submit(loop, numbered[half::2], size) for half in (0, 1)]
             results = [0] * len(part)
@@ -171,6 +173,7 @@ def _realizations():
 
 
 def _survivors(result):
+    """Survivors of each scene of a `Sweep`."""
     return [row["values"]["survivors"] for row in result.rows]
 
 

@@ -82,6 +82,7 @@ def order(rows):
         return math.nan, math.nan
 
     def law(m, limit, factor, order):
+        """Value at m shortest steps a cycle, by a limit, a factor and an order."""
         return limit + factor * m**-order
 
     guess = values[-1], (values[0] - values[-1]) * m[0], 1.0

@@ -234,6 +234,7 @@ _TITLES = {
 
 
 def _likelihood(axes, name, rows, ends, joint):
+    """Draw the likelihood of a hint, or of "all", against the ends b of the bands, beside the interval of `_joint`."""
     axes.axvspan(min(joint["within"]), max(joint["within"]), color="#dddddd", zorder=0)
     if name == "all":
         logs = np.array(joint["log_likelihood"])

@@ -154,6 +154,7 @@ def _stable_up_to(scene):
 
 
 def _draw(path, scene, points, values):
+    """Draw the diagrams of Poincaré points by their names, lists over the amplitudes, and the lifetimes."""
     note = (
         "Every diagram: Poincaré velocities after each of 100 cycles, 300 cycles after the start or the last amplitude."
     )
@@ -175,6 +176,7 @@ def _draw(path, scene, points, values):
 
 
 def _diagram(axes, scene, attractors, values, markersize):
+    """Draw Poincaré velocities of attractors, one list of points (n, 2) an amplitude, and the symmetric orbits."""
     amplitudes = np.array(values["amplitudes"])
     places, velocity = np.repeat(amplitudes, [len(points) for points in attractors]), np.concatenate(attractors)[:, 1]
     axes.plot(places, velocity, ".", markersize=markersize, color=style.COLOURS[0], rasterized=True)
@@ -207,6 +209,7 @@ def _orbits_named(axes, scene, values):
 
 
 def _beyond(axes, values):
+    """Draw the mean lifetimes beyond the crisis."""
     lifetimes = [row for row in values["beyond"] if row["overturned"]]
     end = values["crisis"][1]
     columns = ([row[name] for row in lifetimes] for name in ("cycles", "interval"))

@@ -229,6 +229,7 @@ def _against_spread(axes, findings):
 
 
 def _budget(axes, budgeted):
+    """Draw the parts of the difference, see `budget`, at each of `CYCLES`."""
     places, height = np.arange(len(PARTS)), 0.8 / len(CYCLES)
     for k, (cycle, colour) in enumerate(zip(CYCLES, style.shades(len(CYCLES)), strict=True)):
         axes.barh(places + height * (k - 1.5), [budgeted[name][k] for name in PARTS], 0.9 * height, color=colour,

@@ -108,6 +108,7 @@ def draw(path, values):
 
 
 def _paper(axes, omega, noise):
+    """Draw the criteria against the frequencies (n,), without noise and with it, at the restitution `PAPER`."""
     still, noisy = "no noise", f"σ² = {noise.variance:g}"
     for criterion, colour, name in (
         ("peak", style.COLOURS[0], "(14)"),
@@ -127,6 +128,7 @@ def _paper(axes, omega, noise):
 
 
 def _others(axes, omega, noise):
+    """Draw criterion (14) against the frequencies (n,) for all restitutions."""
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         still = melnikov.critical_amplitude(omega, e, NoNoise())
         axes.plot(omega, still, color=colour)
@@ -142,6 +144,7 @@ def _others(axes, omega, noise):
 
 
 def _ratio(axes, omega):
+    """Draw criterion (14) without noise over the exact amplitude, against the frequencies (n,)."""
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         amplitude = melnikov.critical_amplitude(omega, e, NoNoise())
         ratio = amplitude / melnikov.exact_critical_amplitude(omega, e)
@@ -153,6 +156,7 @@ def _ratio(axes, omega):
 
 
 def _noisy(axes):
+    """Draw criterion (14) against the variance of the noise, by band."""
     variance, lines = np.linspace(0.0, 1.0, POINTS), (":", "-", "--")
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         for high, line in zip(BANDS, lines, strict=True):

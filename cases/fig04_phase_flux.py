@@ -134,6 +134,7 @@ def draw(path, values):
 
 
 def _process(axes, noise, seed):
+    """Draw the Melnikov process of a realization of the noise, and its mean."""
     e = 0.5
     time = np.linspace(0.0, SHOWN_CYCLES * FORCING.period, 1500)
     process = melnikov.sampled_process(FORCING, e, noise, time, *drawn(noise, 1, seed))[0]
@@ -176,6 +177,7 @@ def _sweep(axes, swept, place, noise, name):
 
 
 def _restitution(axes, noise, values):
+    """Draw the flux against the restitution: corrected, as printed, and sampled (`values`)."""
     e = np.linspace(0.0, 1.0, POINTS)
     curves = (
         (melnikov.phase_flux(FORCING, e, NoNoise()), "-", 0, "corrected, σ² = 0"),
@@ -198,6 +200,7 @@ def _restitution(axes, noise, values):
 
 
 def _variance(axes):
+    """Draw the flux against the variance of the noise, by band."""
     variance, lines = np.linspace(0.0, 0.4, POINTS), (":", "-", "--")
     for e, colour in zip(SHOWN, style.COLOURS, strict=False):
         for high, line in zip(BANDS, lines, strict=True):

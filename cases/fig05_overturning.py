@@ -98,15 +98,13 @@ def _lateness(ensemble, highest):
         "standing_after_125": beyond / cycles.size,
         "interval": wilson_interval(beyond, cycles.size).tolist(),
         "to_the_right": float(np.mean(ensemble.overturn_side[overturned] > 0)),
-        "quantiles_of_cycles": {
-            str(share): float(cycle) if np.isfinite(cycle) else None
-            for share, cycle in zip(shares, quantiles, strict=True)
-        },
+        "quantiles_of_cycles": files.plain(dict(zip(map(str, shares), quantiles, strict=True))),
         "survival_every_25_cycles": ensemble.survival[::every].tolist(),
     }
 
 
 def _draw(path, quiet, paths, chosen, ensembles, values):
+    """Draw histories without noise and with it (`paths`, of which one is chosen by number), and survival by band."""
     noise, after = paths.scene.noise, values["overturned_after_cycles"]
     notes = [f"(d): {values['realizations']:,} realizations a band, σ² = {noise.variance:g}; the paper states no band."]
     title = (
@@ -129,6 +127,7 @@ def _draw(path, quiet, paths, chosen, ensembles, values):
 
 
 def _points(axes, periodic, paths, chosen):
+    """Draw the Poincaré points of the periodic history and of the chosen path."""
     cutoff = paths.scene.overturning.angle
     angle, velocity = (states[chosen] for states in paths.poincare())
     axes.plot(angle, velocity, "o", markersize=3.5, markerfacecolor="white", color=style.COLOURS[1], label="(b) noise")
@@ -144,6 +143,7 @@ def _points(axes, periodic, paths, chosen):
 
 
 def _standing(axes, ensembles):
+    """Draw survival of ensembles, by the end of their band."""
     for (band, ensemble), colour in zip(ensembles.items(), style.shades(len(BANDS)), strict=True):
         axes.plot(ensemble.survival, color=colour)
         places = np.arange(0, ensemble.cycles + 1, 50)

@@ -137,11 +137,13 @@ def _stands(scene, cycles):
 
 
 def _ensembles(scene, band, variances, cycles, realizations, seed):
+    """Ensembles of a scene with band noise up to a frequency, one a variance."""
     scenes = [scene.varied(noise={"variance": variance, "band": (0.0, band)}) for variance in variances]
     return [simulate(noisy, cycles=cycles, realizations=realizations, seed=seed) for noisy in scenes]
 
 
 def _white(scene, variance, cycles, realizations, seed):
+    """Tally of a scene with the white noise that stands for band noise of a variance."""
     noisy = scene.varied(noise={"variance": variance}).white_equivalent()
     everywhere = {"angle_edges": [-2.0, 2.0], "velocity_edges": [-20.0, 20.0]}
     return tally(noisy, cycles=cycles, realizations=realizations, seed=seed, **everywhere)
@@ -195,10 +197,12 @@ def draw(path, values):
 
 
 def _phase_label(row):
+    """Label of a row of `phases`."""
     return f"Ψ = {row['phase']}" + ("" if row["stands_without_noise"] else ": overturns without noise too")
 
 
 def _both(axes, values, limits=False):
+    """Draw survival of paths and densities against σ, with upper limits where no path stands if `limits`."""
     ours = next(row for row in values["bands"] if row["band"][1] == OURS)
     look = {"color": style.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
     _limited(axes, values["variances"], ours["survival"], ours["interval"], look, limits)
@@ -225,6 +229,7 @@ def _limited(axes, variances, survival, interval, look, limits):
 
 
 def _several(axes, variances, rows, looks):
+    """Draw survival of rows, by their labels, against σ, each with a look."""
     for (label, columns), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
         style.error_bars(axes, np.sqrt(variances), columns["survival"], columns["interval"], **(shape | look))

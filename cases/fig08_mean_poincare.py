@@ -109,6 +109,7 @@ def dimensions_of(samples):
 
 
 def _draw(path, attractor, free, mapped, mean, values):
+    """Draw a realization of the free ensemble, the restarted map, the attractor (n, 2), and the free mean map."""
     noise = free.scene.noise
     notes = [f"Noise of σ² = {noise.variance:g} on [{noise.band[0]:g}, {noise.band[1]:g}], which is inferred."]
     dimensions = (values[name]["dimension"] for name in ("restarted", "without_noise"))
@@ -135,6 +136,7 @@ def _draw(path, attractor, free, mapped, mean, values):
 
 
 def _cycle_by_cycle(axes, free, values):
+    """Draw the Poincaré angles of the chosen realization against the cycle."""
     chosen, cutoff = values["realization"], free.scene.overturning.angle
     angle = free.angle[chosen]
     axes.plot(angle, "o-", markersize=2.5, linewidth=0.6, color=style.COLOURS[0])
@@ -150,6 +152,7 @@ def _cycle_by_cycle(axes, free, values):
 
 
 def _free_mean(axes, mean):
+    """Draw a mean map of a free ensemble against the cycle, with intervals."""
     for k, (name, colour) in enumerate(zip(("angle", "velocity"), style.COLOURS, strict=False)):
         means, error = mean.points[: FREE_CYCLES + 1, k], 1.96 * mean.standard_error[: FREE_CYCLES + 1, k]
         axes.errorbar(np.arange(FREE_CYCLES + 1), means, error, marker="o", markersize=3, linewidth=0.8, color=colour)

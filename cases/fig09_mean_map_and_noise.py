@@ -98,6 +98,7 @@ def _judged(deviation, maps, cycles):
 
 
 def _draw(path, attractor, mean_maps, paper, values):
+    """Draw the mean maps of the σ of `paper` over the attractor (n, 2), and the curves over all σ."""
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
     note = (
         f"{size}, noise on [0, 10], which is inferred. Grey: without noise. Cross: overturned, at the cut-off. "
@@ -136,6 +137,7 @@ def _panel(letter, deviation, mean_map):
 
 
 def _dimension_panel(axes, paper, values):
+    """Draw the correlation dimension against σ."""
     some = [row for row in values["maps"] if row["dimension"] is not None]
     columns = ([row[name] for row in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
     x, y, error = map(np.array, columns)
@@ -153,6 +155,7 @@ def _dimension_panel(axes, paper, values):
 
 
 def _ended_panel(axes, paper, values):
+    """Draw the cycles until the mean overturns against σ."""
     last = values["cycles"]
     pairs = [(row["deviation"], after) for row in values["maps"] for after in row["overturned_after"]]
     ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)

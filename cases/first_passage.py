@@ -135,6 +135,7 @@ def draw(path, values):
 
 
 def _early(axes, values):
+    """Draw the density of the time of overturning in the first cycles, left and right."""
     scene = Scene.from_toml(values["scene"])
     early, trials = np.array(values["early"]), values["realizations"]
     width = scene.period / PARTS
@@ -159,6 +160,7 @@ def _early(axes, values):
 
 
 def _cycles(axes, values):
+    """Draw the probability of overturning in each cycle, of paths and of the density, by variance."""
     cycles = np.arange(1, values["cycles"] + 1)
     for row, colour, marker in zip(values["noise"], style.COLOURS, "osD", strict=False):
         label = f"σ² = {row['variance']:g}"

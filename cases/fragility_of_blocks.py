@@ -140,6 +140,7 @@ def draw(path, values):
 
 
 def _realizations(blocks):
+    """Return the number of paths behind a point."""
     return next(iter(blocks.values()))["white"]["realizations"]
 
 
@@ -149,6 +150,7 @@ def _cost(block):
 
 
 def _curves(axes, block):
+    """Draw P(overturned) of a block against the scale, by engine."""
     density = block["density"]
     label = "density, white noise (at the crosses)"
     axes.plot(density["scale"], density["overturned"][0], "x-", color=style.COLOURS[1], linewidth=1.0, label=label)

@@ -140,6 +140,7 @@ def draw(path, values):
 
 
 def _pair(axes, places, study, colour, marker):
+    """Draw ΦT and the measured rate of a study, see `_compared`, against its places."""
     axes.plot(places, study["flux_per_cycle"], "-", color="black", linewidth=0.8)
     rate, limits = np.array(study["rate"]), np.array(study["interval"])
     some = rate > 0.0

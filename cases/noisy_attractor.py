@@ -77,6 +77,7 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
 
 
 def _draw(path, operator, quiet, ensemble, estimate):
+    """Draw the attractor without noise, the leading mode, the eigenvalues, and survival by modes and by paths."""
     leading = operator.eigenvalues[0].real
     title = f"Noise blurs the attractor, and {100.0 * (1.0 - leading):.1f} % of the blocks on it overturn in each cycle"
     note = (

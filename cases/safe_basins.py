@@ -118,6 +118,7 @@ def _quiet(scene, horizons, count, seed, bound):
 
 
 def _draw(path, scene, quiet, maps, mean, values):
+    """Draw the basin without noise, survival maps by variance, the map of the mean time, and the safe areas."""
     note = (
         "Main scene with white noise of equal Melnikov variance. Dashed: moving separatrices. (f) without noise from "
         f"{values['starts']:,} random starts; bars: error estimates of the meshes."
@@ -153,6 +154,7 @@ def _draw(path, scene, quiet, maps, mean, values):
 
 
 def _separatrices(axes, scene):
+    """Draw the moving separatrices of a scene at τ = 0."""
     forcing, x = scene.forcing, np.array([-2.0, 2.0])
     swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
     shift = swing * math.cos(forcing.phase + math.atan(forcing.frequency))
@@ -161,6 +163,7 @@ def _separatrices(axes, scene):
 
 
 def _erosion(axes, values):
+    """Draw the safe area against σ, by horizon."""
     for k, cycles in enumerate(values["cycles"]):
         columns = [[row[name][k] for row in values["erosion"]] for name in ("area", "error")]
         places = np.sqrt([row["variance"] for row in values["erosion"]])

@@ -203,6 +203,7 @@ def draw(path, values):
 
 
 def _forces(axes, scene):
+    """Draw the forcings over a cycle."""
     turns = np.linspace(0.0, 1.0, 401)
     for (name, psi), colour in zip(PHASES.items(), style.COLOURS, strict=True):
         forcing = with_second(scene, scene.forcing.amplitudes[1], psi).forcing
@@ -221,6 +222,7 @@ def _forces(axes, scene):
 
 
 def _against_amplitude(axes, values):
+    """Draw survival against the amplitude of the second harmonic, by phase."""
     for curve, colour in zip(values["phases"], style.COLOURS, strict=True):
         axes.plot(values["amplitudes"], curve["survival"], color=colour)
         points = (values["amplitudes"], curve["sampled_survival"], curve["sampled_survival_interval"])
@@ -234,6 +236,7 @@ def _against_amplitude(axes, values):
 
 
 def _shares(axes, shares):
+    """Draw the shares that stand and overturn to each side against the phase."""
     phases, (left, right) = _closed(shares["phases"]), _closed(shares["overturned"]).T
     sampled, interval = _closed(shares["sampled_overturned"]), _closed(shares["sampled_overturned_interval"])
     look = {"alpha": 0.25, "linewidth": 0.0}
@@ -250,6 +253,7 @@ def _shares(axes, shares):
 
 
 def _rates(axes, curves):
+    """Draw rates and fluxes of each side, over those without a second harmonic, against the phase."""
     phases = _closed(curves["phases"])
     rate, sampled, interval, flux = (
         _closed(curves[name]) for name in ("rate", "sampled", "interval", "flux_per_cycle")

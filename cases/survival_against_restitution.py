@@ -96,6 +96,7 @@ def run(
 
 
 def _varied(scene, restitution, band):
+    """Scene with another restitution and the end of its noise band."""
     return scene.varied(block={"restitution": restitution}, noise={"band": (0.0, band)})
 
 
@@ -139,10 +140,12 @@ def _quiet(axes, values):
 
 
 def _ours(values):
+    """Row of the band `OURS`."""
     return next(curve for curve in values["bands"] if curve["band"][1] == OURS)
 
 
 def _both(axes, values, limits=False):
+    """Draw survival of paths and densities against the restitution, with upper limits if `limits`."""
     ours = _ours(values)
     survival, interval = np.array(ours["survival"]), np.array(ours["interval"])
     lines = np.array([row["survival"] for row in values["density"]])
@@ -160,6 +163,7 @@ def _both(axes, values, limits=False):
 
 
 def _bands(axes, values):
+    """Draw survival after `COMPARED_AT` cycles against the restitution, by band."""
     column = values["cycles"].index(COMPARED_AT)
     for curve, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
         survival, limits = np.array(curve["survival"])[:, column], np.array(curve["interval"])[:, column]
@@ -170,6 +174,7 @@ def _bands(axes, values):
 
 
 def _named_at_peak(axes, places, survival, text, colour):
+    """Name a curve above its largest value."""
     peak = int(np.argmax(survival))
     style.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
 
