@@ -136,8 +136,8 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
     Parameters
     ----------
     values : dict
-        Figures by the names of `DIAGNOSTICS`: numbers, or arrays of which the largest counts. Other names are passed
-        over.
+        Figures by the names of `DIAGNOSTICS`: numbers, or arrays with an entry for each time, of which the largest
+        counts. Where the last one alone could be used there is caution at most. Other names are passed over.
     tol, bins_tol : float
         Errors of survival and of the binned density that were asked for.
 
@@ -157,8 +157,11 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
             text = f"The {figure} is {_beside(value, caution)}, within {caution:.2g}."
             diagnostics.append(Diagnostic(0, text, name, value))
         else:
-            severity, limit = (CAUTION, caution) if value <= unusable else (UNUSABLE, unusable)
+            last = float(np.max(values[name][-1])) if np.ndim(values[name]) else value
+            limit = caution if value <= unusable else unusable
+            severity = CAUTION if value <= unusable or last <= unusable else UNUSABLE
             text = f"The {figure} is {_beside(value, limit)}, above {limit:.2g}."
+            text += f" At the last time it is {last:.2g}." * (last <= limit)
             diagnostics.append(Diagnostic(severity, text, name, value))
     return diagnostics
 
@@ -195,6 +198,7 @@ def _limits(tol, bins_tol, values=()):
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),
+        "rate_error": ("relative standard error of the rate", 0.2, 0.5),
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
         "rest_error_estimate": ("estimated error of the probability of being at rest", *never),
         "truncated": ("probability truncated beyond the largest velocity of the mesh", tol, useless),

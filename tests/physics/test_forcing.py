@@ -11,7 +11,7 @@ from fpk_rocking.forcings import FORCINGS, Chirp, Forcing, Harmonic, Harmonics, 
 from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.scene import limits
-from fpk_rocking.studies.scenes import intensities, resized, scaled
+from fpk_rocking.studies import intensities, resized, scaled
 from montecarlo import simulate
 
 SIZE = Dimensions(0.5, 1.8)

@@ -28,6 +28,7 @@ LAYERS = [
     {"fpk_rocking.output", "fpk_rocking.horizon"},
     {"fpk_rocking.studies"},
     {"fpk_rocking.risk"},
+    {"fpk_rocking.options"},
     {"fpk_rocking.cli"},
 ]
 HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}

@@ -13,7 +13,7 @@ import pytest
 
 import fpk_rocking
 import montecarlo
-from fpk_rocking import Scene, cli, load_scene, melnikov, studies
+from fpk_rocking import Scene, cli, load_scene, melnikov, options, studies
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -173,7 +173,7 @@ def test_scenes_of_the_package_are_named_where_a_reader_looks():
     assert names == set(re.findall(r'``"([a-z0-9_]+)"``', inspect.getdoc(load_scene)))
     for name in names:
         assert load_scene(name) == load_scene(ROOT / "cases" / "scenes" / f"{name}.toml")
-        assert name in cli._EXAMPLES
+        assert name in options.EXAMPLES
         assert f"`{name}`" in (ROOT / "docs" / "howto" / "install.md").read_text(encoding="utf-8")
     with pytest.raises(FileNotFoundError, match=r"no scene file 'absent' .*of the package: fig05, main, record, "):
         load_scene("absent")
