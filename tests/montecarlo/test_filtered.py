@@ -331,45 +331,27 @@ def one_path(noise, **asked):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda: simulate(load_scene("main"), cycles=1, realizations=1, method="filtered"),
-            r"method: got 'filtered', accepted: 'exact' or 'rk4' .*scene\.filtered_equivalent\(\)",
-        ),
-        (
-            lambda: one_path(LOW_PASS, method="exact"),
-            "method: got 'exact', accepted: 'filtered' for noise of kind 'filtered'",
-        ),
-        (
-            lambda: one_path(FilteredNoise("exponential", 0.1, 1e3), steps_per_cycle=10**6),
-            r"steps_per_cycle: got 1000000, accepted: up to 2252. with a filter of this rate",
-        ),
-        (
-            lambda: one_path(FilteredNoise("exponential", 0.1, 1e-4)),
-            r"noise\.frequency: got 0\.0001, accepted: an absolute value from 0\.001 to 10000",
-        ),
-        (
-            lambda: one_path(FilteredNoise("low-pass", 0.1, 9e3, 40.0)),
-            r"noise\.frequency: got 9000\.0, accepted: a filter whose fastest rate",
-        ),
-        (
-            lambda: one_path(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)),
-            r"noise\.damping: got 0\.0001, accepted: from 0\.001 to 1000",
-        ),
-        (
-            lambda: one_path(soil_noise(1e-4, 0.6)),
-            r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues of sizes from 0\.001 to 10000",
-        ),
-        (
-            lambda: one_path(soil_noise(1.0, 1e-4)),
-            r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues .* decay by 0\.001 of their size",
-        ),
-        (
-            lambda: split(scene_of(LOW_PASS), cycles=1),
-            r"noise\.kind: got 'filtered', accepted: 'white'.*scene\.white_equivalent\(\)",
-        ),
+        (lambda: simulate(load_scene("main"), cycles=1, realizations=1, method="filtered"),
+         r"method: got 'filtered', accepted: 'exact' or 'rk4' .*scene\.filtered_equivalent\(\)"),
+        (lambda: one_path(LOW_PASS, method="exact"),
+         "method: got 'exact', accepted: 'filtered' for noise of kind 'filtered'"),
+        (lambda: one_path(FilteredNoise("exponential", 0.1, 1e3), steps_per_cycle=10**6),
+         r"steps_per_cycle: got 1000000, accepted: up to 2252. with a filter of this rate"),
+        (lambda: one_path(FilteredNoise("exponential", 0.1, 1e-4)),
+         r"noise\.frequency: got 0\.0001, accepted: an absolute value from 0\.001 to 10000"),
+        (lambda: one_path(FilteredNoise("low-pass", 0.1, 9e3, 40.0)),
+         r"noise\.frequency: got 9000\.0, accepted: a filter whose fastest rate"),
+        (lambda: one_path(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)),
+         r"noise\.damping: got 0\.0001, accepted: from 0\.001 to 1000"),
+        (lambda: one_path(soil_noise(1e-4, 0.6)),
+         r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues of sizes from 0\.001 to 10000"),
+        (lambda: one_path(soil_noise(1.0, 1e-4)),
+         r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues .* decay by 0\.001 of their size"),
+        (lambda: split(scene_of(LOW_PASS), cycles=1),
+         r"noise\.kind: got 'filtered', accepted: 'white'.*scene\.white_equivalent\(\)"),
         (lambda: CycleOperator(scene_of(LOW_PASS)), r"noise\.kind: got 'filtered', accepted: .*solve_fpk\(\)"),
     ],
-)
+)  # fmt: skip
 def test_what_filtered_noise_does_not_allow_is_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
