@@ -135,7 +135,8 @@ class SurvivalResult(RowResult):
         """Error of the last probability of overturning in parts of it; None where nothing is random.
 
         Of a sample half the width of the 95 % interval; None where no path has overturned, as that interval is then the
-        answer: the probability is below its limit. Of a density the total error, or the solver's where the replacement of the noise was not checked.
+        answer: the probability is below its limit. Of a density the total error, or the solver's where the replacement
+        of the noise was not checked.
         """
         if self.deterministic:
             return None
