@@ -217,7 +217,8 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 def _write_filtered_noise(keys, parameters, places, values):
     """Write to `values` (count, n) the noise at places (n,), ascending times in intervals.
 
-    Noise without a derivative is that of the parts of its intervals, in which it lifts blocks off. `keys` (4,) uint64 are those of the seed; `parameters`: those of the engine `filtered`.
+    Noise without a derivative is that of the parts of its intervals, in which it lifts blocks off. `keys` (4,) uint64
+    are those of the seed; `parameters`: those of the engine `filtered`.
     """
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):
@@ -229,7 +230,8 @@ def _write_filtered_noise(keys, parameters, places, values):
             while drawn < number:
                 draw_next_interval(stream, tables, noise)
                 drawn += 1
-            share, row, parts, j = places[k] - number, noise.bernstein, noise.parts.shape[0], number % parameters.grid.count
+            share, row = places[k] - number, noise.bernstein
+            parts, j = noise.parts.shape[0], number % parameters.grid.count
             if parts > 0:
                 draw_parts(tables.parts, noise)
                 part = min(int(parts * share), parts - 1)

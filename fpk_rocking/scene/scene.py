@@ -384,7 +384,7 @@ def _fields(value):
 
 
 def _with_harmonics(noise, forcing, values):
-    """Return band noise of a block with dimensions, with the harmonics and frequencies of `values` (dict) or by default.
+    """Return band noise of a block with dimensions, with harmonics and frequencies of `values` (dict) or by default.
 
     `forcing` sets the duration for which stratified harmonics are enough by default.
     """

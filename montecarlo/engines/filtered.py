@@ -287,10 +287,10 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(fastmath={"contract"})
 def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
-    """Write to `workspace.particular` P of forcing and noise from a time in interval j on, for an exact block the force.
+    """Write to `workspace.particular` P of forcing and noise from a time in interval j on.
 
-    The noise's polynomial counts from the begin of its part, `since` before `time`; the envelope is `value` + `slope`
-    times the time since `time`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    For an exact block it is the force. The noise's polynomial counts from the begin of its part, `since` before `time`;
+    the envelope is `value` + `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     particular, force, share = workspace.particular, workspace.force, workspace.share
     move_origin(workspace.noise.signal, since, share)

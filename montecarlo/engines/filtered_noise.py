@@ -226,8 +226,8 @@ class NoiseWorkspace(NamedTuple):
 
     `drawn` (2n + 2,): the states at the begin and at the end of the interval, and the angle and velocity that the noise
     adds to a flight over it. `normals` (n + 2,): scratch. `bernstein` (d + 1,): its Bernstein coefficients; `signal`
-    (TERMS,): its coefficients in the time since the interval's begin. `stream` (8,) uint64: random numbers of its parts, and
-    as far as these are drawn; `parts` (m, 2n + 2): what `drawn` is, for each of them.
+    (TERMS,): its coefficients in the time since the interval's begin. `stream` (8,) uint64: random numbers of its
+    parts, and as far as these are drawn; `parts` (m, 2n + 2): what `drawn` is, for each of them.
     """
 
     drawn: np.ndarray

@@ -426,10 +426,10 @@ def test_results_name_their_noise():
     ("noise", "order"), [(NOISES[1], 1.65), (FilteredNoise("low-pass", 0.0406, 15.5, 0.7071), 2.4)]
 )
 def test_order_of_the_intervals(monkeypatch, noise, order):
-    """Without parts of intervals. Coupled paths of a block near |f| = 1 after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer.
+    """Coupled paths of a block near |f| = 1 after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer.
 
-    The order is that of the mean angle where the noise is rough, and of the share at rest where it is smooth, whose
-    mean angle is too good to tell. 200,000 paths tell it to 0.1; false alarm below 1e-2.
+    The intervals have no parts. The order is that of the mean angle where the noise is rough, and of the share at rest
+    where it is smooth, whose mean angle is too good to tell. 200,000 paths tell it to 0.1; false alarm below 1e-2.
     """
     monkeypatch.setattr(filtered_noise, "TUNING", filtered_noise.TUNING._replace(filtered_parts=0))
     scene = dataclasses.replace(blocks(0.867, 1.374, 0.813, 0.0406, 17.2), noise=noise)

@@ -5,7 +5,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-
 from scipy.stats import kstest
 
 from fpk_rocking.physics.motion import TERMS

@@ -36,7 +36,7 @@ FREQUENCIES = "independent", "stratified"
 
 
 def enough_harmonics(band: tuple[float, float], duration: float) -> int:
-    """Number of harmonics that band noise over a duration needs: the width of its band in turns, times the duration.
+    """Return how many harmonics band noise over a duration needs: the width of its band in turns times the duration.
 
     `band` holds angular frequencies and `duration` is a time, both nondimensional. With fewer, the sum of stratified
     harmonics has another correlation than the noise at lags within the duration.
