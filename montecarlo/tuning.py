@@ -30,7 +30,7 @@ class Tuning(NamedTuple):
     filtered_longest: float = 0.2  # longest interval
     filtered_smooth: float = 100.0  # longest interval x rate x `steps_per_cycle` of noise with a derivative: at 200
     filtered_rough: float = 50.0  # half a correlation time; a quarter without
-    filtered_parts: int = 8  # of an interval in which noise without a derivative may cause an event
+    filtered_parts: int = 16  # of an interval in which noise without a derivative may cause an event
     filtered_margin: float = 2.0  # standard deviations of such noise from its polynomial that may cause one
     filtered_slowest: float = 1.0  # speed over interval below which a block may come to rest in it
     filtered_intervals: int = 2**20  # most in a time scale of the forcing

@@ -290,7 +290,8 @@ def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
     """Write to `workspace.particular` P of forcing and noise from a time in interval j on.
 
     For an exact block it is the force. The noise's polynomial counts from the begin of its part, `since` before `time`;
-    the envelope is `value` + `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    the envelope is `value` + `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters`
+    and `Workspace`.
     """
     particular, force, share = workspace.particular, workspace.force, workspace.share
     move_origin(workspace.noise.signal, since, share)

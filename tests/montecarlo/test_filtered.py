@@ -118,12 +118,12 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
 
 @pytest.mark.parametrize("noise", NOISES[1:], ids=lambda one: f"{one.filter}-{one.damping}")
 def test_parts_of_intervals_have_the_law_of_the_noise(noise):
-    """Noise and flights over the parts of two intervals, 40,000 paths; false alarm 3 x 2e-3.
+    """Noise and flights over the parts of two intervals, 40,000 paths; false alarm 3 x 3e-3.
 
-    Those of grid intervals as short have been compared with the autocovariance above. The largest of 816 differences of
-    two sample covariances is below 5 standard errors but for a probability of 5e-4.
+    Those of grid intervals as short have been compared with the autocovariance above. The largest of 4,656 differences
+    of two sample covariances is below 5 standard errors but for a probability of 3e-3.
     """
-    scene, n, count = scene_of(noise), 40_000, 8
+    scene, n, count = scene_of(noise), 40_000, filtered_noise.TUNING.filtered_parts
     coarse, fine = with_intervals(scene, 24), with_intervals(scene, 24 * count)
     assert len(coarse.noise.parts.gain) == count
     states, flights = parts_of(coarse, 2, n)
