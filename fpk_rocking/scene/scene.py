@@ -16,10 +16,22 @@ from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.physics.noise.kinds import HARMONICS, NOISES, BandNoise, FilteredNoise, NoNoise, WhiteNoise
+from fpk_rocking.physics.noise.kinds import (
+    FREQUENCIES,
+    HARMONICS,
+    NOISES,
+    BandNoise,
+    FilteredNoise,
+    NoNoise,
+    WhiteNoise,
+    enough_harmonics,
+)
 from fpk_rocking.scene.parts import Block, Overturning, Start
 from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
+
+NOISE_CYCLES = 30
+"""Forcing cycles for which band noise of a block with dimensions has `enough_harmonics`, unless they are given."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -187,7 +199,8 @@ class Scene:
         phase: float = 0.0,
         noise_rms_acceleration: float | str = 0.0,
         noise_band_hz: Sequence[float | str] | None = None,
-        harmonics: int = HARMONICS,
+        harmonics: int | None = None,
+        frequencies: str = "stratified",
         gravity: float = STANDARD_GRAVITY,
         start: Start = Start(),
         overturning: Overturning = Overturning(),
@@ -219,8 +232,11 @@ class Scene:
             Root mean square of the random base acceleration that is added to any of these, m/s²; 0 for none.
         noise_band_hz : (float, float), optional
             Lowest and highest frequency of the noise, Hz. Required where there is noise, refused where there is none.
-        harmonics : int
-            Number of harmonics of the noise.
+        harmonics : int, optional
+            Number of harmonics of the noise. By default 100, or more if 30 cycles, or the duration of a pulse or
+            record, need more: the width of the band in Hz times that duration in seconds.
+        frequencies : {"stratified", "independent"}
+            Of the harmonics, see `BandNoise`.
         gravity : float
             Acceleration of gravity, m/s².
         start, overturning : Start, Overturning
@@ -248,7 +264,9 @@ class Scene:
         noise: BandNoise | NoNoise = NoNoise()
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
-            noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
+            values = {"harmonics": harmonics, "frequencies": frequencies}
+            band = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)))
+            noise = _with_harmonics(band, forcing, {key: value for key, value in values.items() if value is not None})
         block = Block(restitution, size, slender=slender)  # type: ignore[arg-type]  # None: from the size
         return cls(block, forcing, noise, start, overturning)
 
@@ -261,7 +279,8 @@ class Scene:
         text : str
             The tables ``[block]``, ``[forcing]`` and ``[noise]`` are required, ``[start]`` and ``[overturning]`` are
             optional. Their keys are the parameters of the classes, and the following: ``noise.kind`` is "band",
-            "white", "filtered" or "none"; ``noise.filter`` is a name, or a table of the kind "linear" or
+            "white", "filtered" or "none"; band noise of a block with dimensions has the ``frequencies`` and
+            ``harmonics`` of `from_block` by default; ``noise.filter`` is a name, or a table of the kind "linear" or
             "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
             ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
             ``file`` in place of ``interval`` and ``samples``. Of a block with dimensions quantities may have units:
@@ -296,6 +315,9 @@ class Scene:
         for name, table in tables.items():
             plain_table = without_units(name, checks.table(name, table), block.dimensions)
             parts[name] = read_part(name, plain_table, folder)
+            tables[name] = plain_table
+        if block.dimensions is not None and parts["noise"].kind == "band":
+            parts["noise"] = _with_harmonics(parts["noise"], parts["forcing"], tables["noise"])
         return cls(**parts)
 
     def to_toml(self) -> str:
@@ -359,6 +381,17 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
 def _fields(value):
     """Return the fields of a dataclass object as a dict by name, themselves and not copied."""
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+
+
+def _with_harmonics(noise, forcing, values):
+    """Return band noise of a block with dimensions, with harmonics and frequencies of `values` (dict) or by default.
+
+    `forcing` sets the duration for which stratified harmonics are enough by default.
+    """
+    frequencies = values.get("frequencies", FREQUENCIES[1])
+    duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
+    enough = HARMONICS if frequencies == FREQUENCIES[0] else max(HARMONICS, enough_harmonics(noise.band, duration))
+    return dataclasses.replace(noise, frequencies=frequencies, harmonics=values.get("harmonics", enough))
 
 
 def _change(document, name, value):

@@ -107,6 +107,29 @@ def test_from_block_converts_every_quantity():
     assert isinstance(scene.noise, BandNoise)
 
 
+def test_noise_in_units_has_stratified_harmonics_enough_for_its_duration():
+    """Width of the band in Hz times seconds: 30 cycles, or the duration of a pulse; a file says the same."""
+    noise = {"noise_rms_acceleration": 0.7, "noise_band_hz": (0.5, 20.5)}
+    scene = Scene.from_block(0.5, 2.0, 4.0, 1.5, **noise)
+    assert (scene.noise.frequencies, scene.noise.harmonics) == ("stratified", 400)
+    pulsed = Scene.from_block(0.5, 2.0, 4.0, 0.1, pulse="one-sine", **noise)
+    assert (pulsed.noise.frequencies, pulsed.noise.harmonics) == ("stratified", 200)
+    assert Scene.from_block(0.5, 2.0, 4.0, 1.5, **noise | {"noise_band_hz": (0.0, 1.0)}).noise.harmonics == 100
+    paper = Scene.from_block(0.5, 2.0, 4.0, 1.5, frequencies="independent", **noise)
+    assert (paper.noise.frequencies, paper.noise.harmonics) == ("independent", 100)
+    assert all(Scene.from_toml(one.to_toml()) == one for one in (scene, pulsed, paper))
+    table = '[noise]\nkind = "band"\nrms_acceleration = 0.7\nband_hz = [0.5, 20.5]\n'
+    head = "[block.dimensions]\nwidth = 0.5\nheight = 2\n[forcing]\npeak_acceleration = 4\nfrequency_hz = 1.5\n"
+    assert Scene.from_toml(table + head) == scene
+    assert Scene.from_toml(head + table + 'frequencies = "independent"\n') == paper
+    assert Scene.from_toml(head + table + "harmonics = 7\n").noise.harmonics == 7
+    sizeless = "[block]\nrestitution = 0.5\n[forcing]\namplitude = 1\nfrequency = 2\n"
+    plain = Scene.from_toml(sizeless + '[noise]\nkind = "band"\nvariance = 1\nband = [0, 90]')
+    assert (plain.noise.frequencies, plain.noise.harmonics) == ("independent", 100)
+    with pytest.raises(ValueError, match=r"^noise\.frequencies: got 'even', accepted: 'independent' or 'stratified'$"):
+        Scene.from_toml(head + table + 'frequencies = "even"\n')
+
+
 @pytest.mark.parametrize(
     ("keywords", "message"),
     [
