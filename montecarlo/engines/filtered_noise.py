@@ -299,11 +299,6 @@ def _draw_ends(stream, move, spread, drawn, normals):
 def draw_parts(tables, noise):
     """Draw the noise in the parts of an interval, given what was drawn for the interval, into a `NoiseWorkspace`.
 
-<<<<<<< HEAD
-    `noise` is a `NoiseWorkspace`: `drawn` (2 n + 2,), with n states of the filter, is read, and the coefficients go to
-    `bernstein` (d + 1,). The bounds are with the envelope: the polynomial lies between its coefficients. `tables`:
-    `NoiseTables`; `envelope`: `EnvelopeTables`.
-=======
     `tables` are `PartTables`. Called again for the interval it draws the same.
     """
     rows, drawn, missing, n = noise.parts, noise.drawn, noise.normals, noise.normals.size - 2
@@ -334,7 +329,6 @@ def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
 
     Returns bounds (low, high) of the noise with the `EnvelopeTables` `envelope` in interval j: the polynomial lies
     between its coefficients, and the noise not farther from it than a `margin`.
->>>>>>> wt-noise
     """
     low, high = math.inf, -math.inf
     for i in range(bernstein.size):
