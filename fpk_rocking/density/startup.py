@@ -43,8 +43,8 @@ class StartUp:
         Fineness of the patches.
     period : float
         Of the forcing: nothing is carried further, but for `waiting`.
-    waiting : float
-        Time until which the forcing is known not to lift a block off that is at rest.
+    waiting : float, optional
+        Time after which the forcing lifts a block off that is at rest, where that is known.
 
     Attributes
     ----------
@@ -52,9 +52,10 @@ class StartUp:
         Longest time that the start is carried for.
     """
 
-    def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=0.0):
+    def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=None):
         self.dynamics, self.settings, self._cycle = dynamics, settings, period
-        self._waiting, self.longest = waiting, period + waiting
+        self._waiting, self._lift_off_is_known = waiting or 0.0, waiting is not None
+        self.longest = period + self._waiting
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
@@ -106,7 +107,9 @@ class StartUp:
     @property
     def _lifted_later(self):
         """Whether a block that begins at rest is lifted off later, without a time for which it is known to wait."""
-        return not self._waiting and self.starts_at_rest and self.dynamics.forcing.largest > self.dynamics.lift_off
+        if self._lift_off_is_known or not self.starts_at_rest:
+            return False
+        return self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):
         """Mass at a `time` that is within an angle and a velocity of the origin."""

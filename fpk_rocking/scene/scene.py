@@ -264,11 +264,9 @@ class Scene:
         noise: BandNoise | NoNoise = NoNoise()
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
-            values = {"harmonics": harmonics, "frequencies": frequencies}
-            band = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)))
-            noise = _with_harmonics(band, forcing, {key: value for key, value in values.items() if value is not None})
+            noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)))
         block = Block(restitution, size, slender=slender)  # type: ignore[arg-type]  # None: from the size
-        return cls(block, forcing, noise, start, overturning)
+        return _with_harmonics(cls(block, forcing, noise, start, overturning), harmonics, frequencies)
 
     @classmethod
     def from_toml(cls, text: str, folder: File = ".", changes: Mapping[str, Any] | None = None) -> Self:
@@ -316,9 +314,8 @@ class Scene:
             plain_table = without_units(name, checks.table(name, table), block.dimensions)
             parts[name] = read_part(name, plain_table, folder)
             tables[name] = plain_table
-        if block.dimensions is not None and parts["noise"].kind == "band":
-            parts["noise"] = _with_harmonics(parts["noise"], parts["forcing"], tables["noise"])
-        return cls(**parts)
+        noise = tables["noise"]
+        return _with_harmonics(cls(**parts), noise.get("harmonics"), noise.get("frequencies", FREQUENCIES[1]))
 
     def to_toml(self) -> str:
         """Return the scene as TOML text, samples of a record included; `from_toml` reads it back."""
@@ -383,15 +380,19 @@ def _fields(value):
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
-def _with_harmonics(noise, forcing, values):
-    """Return band noise of a block with dimensions, with harmonics and frequencies of `values` (dict) or by default.
+def _with_harmonics(scene, harmonics, frequencies):
+    """Return a scene, whose band noise, if its block has dimensions, has these `harmonics` and `frequencies`.
 
-    `forcing` sets the duration for which stratified harmonics are enough by default.
+    Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for `NOISE_CYCLES`.
     """
-    frequencies = values.get("frequencies", FREQUENCIES[1])
-    duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
-    enough = HARMONICS if frequencies == FREQUENCIES[0] else max(HARMONICS, enough_harmonics(noise.band, duration))
-    return dataclasses.replace(noise, frequencies=frequencies, harmonics=values.get("harmonics", enough))
+    noise, forcing = scene.noise, scene.forcing
+    if scene.block.dimensions is None or noise.kind != "band":
+        return scene
+    if harmonics is None:
+        duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
+        stratified = frequencies == FREQUENCIES[1]
+        harmonics = max(HARMONICS, enough_harmonics(noise.band, duration)) if stratified else HARMONICS
+    return dataclasses.replace(scene, noise=dataclasses.replace(noise, harmonics=harmonics, frequencies=frequencies))
 
 
 def _change(document, name, value):

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, Start, WhiteNoise, load_scene
+from fpk_rocking.scene import Record
 from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.units import in_units
 
@@ -253,3 +254,13 @@ def test_what_was_hardly_meant_is_named():
     (strong,) = implausible(Scene.from_block(0.6, 2.0, 300.0, 1.5))
     assert strong == "The peak acceleration of the forcing is 300 m/s² (31 g); was 3 m/s² meant (cm/s²)?"
     assert implausible(Scene.from_block(0.6, 2.0, 300.0, 1.5), 0.01, 1.0) == []
+
+
+def test_a_record_has_harmonics_for_its_own_duration():
+    """Band of 30 Hz times a record of 5 s; the text without the number of harmonics gives the same scene."""
+    motion = Record(0.01, [0.0, *np.sin(np.arange(500))])
+    scene = Scene.from_block(0.5, 1.8, record=motion, noise_rms_acceleration=0.3, noise_band_hz=(0, 30))
+    assert (scene.noise.harmonics, scene.noise.frequencies) == (150, "stratified")
+    text = scene.to_toml()
+    assert Scene.from_toml(text) == scene
+    assert Scene.from_toml(text.replace("harmonics = 150\n", "")) == scene
