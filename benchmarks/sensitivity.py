@@ -38,8 +38,8 @@ RESULTS = "survival", "estimate", "bins", "paths"
 REFERENCES, PART = {"density": ("main", "rack", "pulse", "block at rest")}, 0.1
 NEWLINE = "\n"
 UNCHANGED = "unchanged code, compiled anew"
-OF_SECONDS = """Seconds count from 3 % on, and from 10 % on where kernels are compiled anew: the same change compiled twice differed by
-that much."""
+OF_SECONDS = """Seconds count from 3 % on, and from 10 % on where kernels are compiled anew: the same change compiled
+twice differed by that much."""
 EDGES = np.linspace(-1.6, 1.6, 17), np.linspace(-3.2, 3.2, 33)
 PATHS = 20000
 
@@ -441,6 +441,7 @@ def write(name, measured):
     module, values = tables()[name]
     measured = {field: measured[field] for field in {UNCHANGED: None, **values, **measured} if field in measured}
     limits = [field for field in values if not scenes_of(name, field) and field not in measured]
+    left = [field for field in values if scenes_of(name, field) and field not in measured]
     unread = [field for field, (_, changes) in measured.items() if not changes]
     gone = [f"`{field}`" for field in measured if field != UNCHANGED and field not in values]
     rows, idle, refused, finer = [], [], [], name in REFERENCES
@@ -498,6 +499,7 @@ core{f"; of {twice} rows the nearer to 1 of two such series" if twice else ""}. 
 Scenes: {", ".join(scenes)}. Not measured, since they are limits of memory or of time beyond which a call is refused,
 warned of or parted, or since only calls of minutes feel them: {", ".join(f"`{field}`" for field in limits) or "none"}.
 {f"Read in none of these scenes: {', '.join(f'`{field}`' for field in unread)}." if unread else ""}
+{f"Still to be measured (`--missing`): {', '.join(f'`{field}`' for field in left)}." if left else ""}
 
 {NEWLINE.join(["Refused:", "", *refused]) if refused else ""}
 """

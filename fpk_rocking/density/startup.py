@@ -17,8 +17,9 @@ from fpk_rocking.density.gaussian import Gaussian, cell_size, exact_flight
 from fpk_rocking.density.patches import next_patch, patch_of
 from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.characteristics import event_cells
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.cells import event_cells
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
 
 

@@ -15,7 +15,8 @@ from fpk_rocking.density.propagator import Propagator, Snapshot
 from fpk_rocking.density.resolution import cycle_of
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.startup import StartUp, takeover_step
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Step, mark_massive_cells
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Step, mark_massive_cells
 from fpk_rocking.density.sticking import Sticking, density_at_rest
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene.parts import Start

@@ -12,7 +12,7 @@ from fpk_rocking.density.propagator import Solution
 from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.startup import StartUp
-from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.sticking import Sticking, density_at_rest
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
