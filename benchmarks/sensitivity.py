@@ -91,21 +91,21 @@ which a call is refused, warned of, or repeated, which moves no result; or what 
 
 def tables():
     """Tables of tuned numbers: {name of the folder: (module, {field: default})}."""
-    tables_by_folder = {}
+    found = {}
     for path in sorted(
         path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("tuning.py")
     ):
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        tables_by_folder[path.parent.name] = module, loaded(module).TUNING._asdict()
-    return tables_by_folder
+        found[path.parent.name] = module, loaded(module).TUNING._asdict()
+    return found
 
 
 def loaded(module):
     """Load the module of a table without anything else of the project."""
     spec = importlib.util.spec_from_file_location(module, ROOT.joinpath(*module.split(".")).with_suffix(".py"))
-    table_module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(table_module)
-    return table_module
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
 
 
 def scenes_of(name, field):
@@ -125,7 +125,7 @@ def times(value, factor):
 
 def when_read(module, field):
     """Say when a field is read: at a "call" of plain functions, at "import", or by "kernels", which compile it."""
-    moments = {"call"}
+    found = {"call"}
     for path in sorted(path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         match = re.search(rf"from {re.escape(module)} import TUNING(?: as (\w+))?", text)
@@ -136,8 +136,8 @@ def when_read(module, field):
             inside = {part for node in plain for line in node.body for part in ast.walk(line)}
             heads = {part for node in plain for part in ast.walk(node)} - inside
             uses = {node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and ast.unparse(node) == name}
-            moments |= {"import" if node in heads else "kernels" for node in uses - inside}
-    return max(moments, key=("call", "import", "kernels").index)
+            found |= {"import" if node in heads else "kernels" for node in uses - inside}
+    return max(found, key=("call", "import", "kernels").index)
 
 
 def _is_plain(function):
@@ -172,27 +172,24 @@ def calls():
     moving = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(3.0, 2.7, math.pi), fpk.FilteredNoise("exponential", 0.05, 5.0))
 
     def simulated(scene, cycles, paths=PATHS, **options):
-        """Results of paths of a scene: survival, bins and the first 200 paths, and the error of sampling."""
-        ensemble = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
-        bins = ensemble.bin_probabilities(len(ensemble.survival) - 1, *EDGES)
+        found = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
+        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
         return {
-            "survival": ensemble.survival,
+            "survival": found.survival,
             "bins": bins,
-            "paths": np.stack([ensemble.angle, ensemble.velocity])[:, :200],
-        } | _sampling(ensemble)
+            "paths": np.stack([found.angle, found.velocity])[:, :200],
+        } | _sampling(found)
 
     def split(scene):
-        """Results of the splitting of a scene: survival, its repeats, and the error of sampling."""
-        splitting = mc.split(scene, cycles=2, walkers=100, repeats=20)
-        repeats = splitting.repeat_probability[:, -1] / splitting.probability[-1]
-        return {"survival": splitting.survival, "paths": repeats, "sampling": splitting.standard_error}
+        found = mc.split(scene, cycles=2, walkers=100, repeats=20)
+        repeats = found.repeat_probability[:, -1] / found.probability[-1]
+        return {"survival": found.survival, "paths": repeats, "sampling": found.standard_error}
 
     def solved(scene, cycles, **options):
-        """Results of the density of a scene: survival, bins and error estimates."""
-        evolution = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
-        bins = evolution.bin_probabilities(len(evolution.survival) - 1, *EDGES)
-        estimates = [evolution.error_estimate, evolution.bins_error_estimate]
-        return {"survival": evolution.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
+        found = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
+        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
+        estimates = [found.error_estimate, found.bins_error_estimate]
+        return {"survival": found.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
 
     def operated(scene, tol):
         found = fpk.CycleOperator(scene, tol=tol)
@@ -331,11 +328,9 @@ class Variant:
 def differences(base, variant):
     """Return how results differ: at most, bins in sum, nine paths in ten; and the standard error of sampling."""
     combine = {"survival": np.max, "estimate": np.max, "bins": np.sum, "paths": lambda parts: np.quantile(parts, 0.9)}
-    pairs = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
-    largest = {
-        key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in pairs.items()
-    }
-    return largest | {"sampling": max(base.get("sampling", [0.0]))}
+    both = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
+    found = {key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in both.items()}
+    return found | {"sampling": max(base.get("sampling", [0.0]))}
 
 
 def compare(base, variant, scenes, rounds, count, references):
@@ -347,7 +342,7 @@ def compare(base, variant, scenes, rounds, count, references):
     That of a scene is the ratio of the least seconds or the median ratio, whichever is nearer to 1: other work on the
     machine moves one rather than both. The first call of a scene in a process, which may compile, is not timed.
     """
-    change = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
+    found = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
     for name in scenes:
         seconds = []
         for turn in range({name} <= base.known & variant.known, rounds + 1):
@@ -367,8 +362,8 @@ def compare(base, variant, scenes, rounds, count, references):
                 seconds.append([answer["seconds"] for answer in answers])
         own, others = np.transpose(seconds)
         ratio = min(np.median(others / own), others.min() / own.min(), key=_from_1)
-        change["seconds"] = float(max(change["seconds"], ratio, key=_from_1))
-    return change
+        found["seconds"] = float(max(found["seconds"], ratio, key=_from_1))
+    return found
 
 
 def max_difference(one, other):
@@ -377,7 +372,6 @@ def max_difference(one, other):
 
 
 def _from_1(ratio):
-    """How far a ratio is from 1: the absolute value of its logarithm."""
     return abs(math.log(ratio))
 
 
@@ -433,7 +427,7 @@ def measure(name, pattern, found, missing=False):
                 changes[f"{factor:g}"] = measured | {"scenes": scenes}
                 if variant is not other or "refused" in measured:
                     variant.end()
-                if variant is other and "refused" in moved:
+                if variant is other and "refused" in measured:
                     other = Variant(module, {})
             print(change, measured, verdict(measured), flush=True)
         found[field] = [values[field], changes]
@@ -525,7 +519,7 @@ def main():
         return
     for name in options.table or tables():
         file = DATA / f"{slug(f'Sensitivity: {name}')}.json"
-        measured = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
+        known = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
         try:
             measure(name, options.only, known, options.missing)
         finally:
