@@ -136,7 +136,7 @@ class Risk(Result):
         sampled = " and ".join(
             ["records"] * (self.curve.records > 1)
             + ["blocks"] * bool(set(self.curve.sources) - {"noise", "record to record"})
-            + ["noise"] * (not self.curve.jumps.size)
+            + ["noise"] * (not len(self.curve.jumps))
         )
         through = (
             "the lognormal curve" if self.curve.fitted and not self.curve.refined else "the points, joined by lines"

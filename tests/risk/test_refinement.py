@@ -8,8 +8,9 @@ from scipy.special import ndtr
 from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Scene
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.refinement import refined
+from fpk_rocking.studies import fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit
 from fpk_rocking.studies.result import Fragility
 
@@ -79,3 +80,41 @@ def test_the_rate_of_a_refined_curve_is_by_its_points_and_within_its_limits():
     assert by_points.interval == pytest.approx((by_points.rate, by_fit.rate), rel=1e-6)
     assert "By the points, joined by lines" in by_points.sentences[0]
     assert "By the lognormal curve" in by_fit.sentences[0]
+
+
+def shaken(count, realizations=60):
+    block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    motions = synthetic_records(6, duration=4.0, rms=1.5)
+    return study(block, motions, Hazard.power_law(1e-4, 2.5), np.geomspace(0.3, 3.0, count), realizations=realizations)
+
+
+def test_with_noise_intensities_are_added_where_the_rate_comes_from():
+    few, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
+    scale = few.fragility.scale
+    assert np.isin(np.round(asked, 12), np.round(scale, 12)).all()
+    assert few.added == scale.size - 4 > 2
+    assert (np.diff(scale) > 0.0).all()
+    assert few.moved <= 0.01
+    assert f"{few.added} intensities were added" in few.text()
+    # A curve that is as dense everywhere has this rate but for the scatter of its samples; as asked for, another.
+    dense = np.geomspace(0.1, 3.0, 30)
+    paths = few.fragility
+    others = [fragility(list(paths.scenes), scale=dense, realizations=60, seed=seed) for seed in (7, 8, 9)]
+    wanted = np.mean([annual_frequency(IntensityCurve.of(one, "PGV"), few.risk.hazard).rate for one in others])
+    coarse = fragility(list(paths.scenes), scale=asked, realizations=60, seed=7)
+    assert few.risk.rate == pytest.approx(wanted, rel=0.08)
+    assert annual_frequency(IntensityCurve.of(coarse, "PGV"), few.risk.hazard).rate != pytest.approx(wanted, rel=0.16)
+
+
+def test_intensities_asked_for_keep_their_samples():
+    found, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
+    alone = fragility(list(found.fragility.scenes), scale=asked, realizations=60, seed=1)
+    places = np.searchsorted(found.fragility.scale, asked * (1.0 - 1e-9))
+    assert np.array_equal(found.fragility.overturned[:, places], alone.overturned)
+
+
+def test_a_rate_that_still_moves_is_a_caution():
+    restless = dataclasses.replace(shaken(4), moved=0.07)
+    (reason,) = [text for text in restless.trust.reasons if "still moved" in text]
+    assert "by 7 % with the last of" in reason
+    assert restless.trust.verdict == "caution"
