@@ -26,7 +26,7 @@ CURVES = ["fragility", "fragility by density", "surface"]
 
 
 def test_no_kind_is_missing():
-    """Every class of results in the packages is among those made here."""
+    """Every class of results in the packages is among those made here, but those of risk, which tests/risk reads."""
 
     def below(cls):
         return {cls}.union(*map(below, cls.__subclasses__()))
@@ -36,9 +36,10 @@ def test_no_kind_is_missing():
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             importlib.import_module(module.name)
     names = tuple(package.__name__ for package in packages)
-    known = {one for one in below(Result) if one.__module__.startswith(names)}
-    abstract = {one for one in known if any(other in known for other in one.__subclasses__())}
-    assert known - abstract == {type(kind(name).result) for name in KINDS}
+    classes = {cls for cls in below(Result) if cls.__module__.startswith(names)}
+    classes -= {cls for cls in classes if cls.__module__.startswith("fpk_rocking.risk.")}
+    abstract = {cls for cls in classes if any(other in classes for other in cls.__subclasses__())}
+    assert classes - abstract == {type(kind(name).result) for name in KINDS}
 
 
 @pytest.mark.parametrize("name", [name for name in KINDS if name != "operator"])
