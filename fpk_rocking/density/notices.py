@@ -39,6 +39,7 @@ def refuse_unsolvable(scene: Scene) -> None:
     It is out of range, without noise, of too many states of a filter, or with infinitely many impacts.
     """
     limits.check(scene)
+    scene.block.require_symmetric("the density")
     noise = scene.noise
     if noise.kind == "filtered" and noise.space.order > 2:
         accepted = (

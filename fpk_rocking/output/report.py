@@ -100,7 +100,7 @@ def _without_samples(scene):
 def _units(scenes):
     """Sentence on the units of all numbers of some scenes (a sequence of `Scene`) that name none."""
     units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
-    sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
+    sizes = list(dict.fromkeys(scene.block.size for scene in scenes if scene.block.size is not None))
     if len(sizes) != 1:
         return units
     angle, second = math.degrees(sizes[0].critical_angle), sizes[0].seconds(1.0)

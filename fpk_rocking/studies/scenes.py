@@ -235,7 +235,7 @@ def dimensions_of(scene: Scene, name: str) -> Dimensions:
     """Return the dimensions of a scene's block, or refuse a parameter that needs them."""
     if scene.block.dimensions is None:
         raise ValueError(
-            checks.refusal("parameter", name, "only where the scene has [block.dimensions]; this one has none")
+            checks.refusal("parameter", name, "only where the scene has [block.dimensions], a rectangle; this one has none")
         )
     return scene.block.dimensions
 
@@ -317,7 +317,7 @@ def intensities(scene: Scene) -> Intensities:
 
 def measured(scene: Scene) -> Intensities:
     """Return the intensity measures of a scene's forcing without a warning, for results that have their verdict."""
-    forcing, size = scene.forcing, scene.block.dimensions
+    forcing, size = scene.forcing, scene.block.size
     acceleration, velocity = forcing.largest, forcing.largest_velocity
     if size is None:
         return Intensities(acceleration, velocity, math.nan, math.nan, velocity)

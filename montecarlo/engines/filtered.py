@@ -191,7 +191,7 @@ def _fly_exact(x, v, side, j, parameters, workspace, block):
         noise = load(parameters.strength_at_points, j) * noise
     push, tables = load(parameters.pushes, j) + noise, parameters.steps
     end, speed, _, converged = collocation.fly_by_tables(
-        side * x, side * v, side * push, tables, parameters.grid.spacing, block
+        side * x, side * v, side, side * push, tables, parameters.grid.spacing, block
     )
     return side * end, side * speed, converged
 

@@ -18,7 +18,7 @@ from fpk_rocking.physics.motion.impact import chatter_time
 
 @kernel
 def probe(speed):
-    return chatter_time(speed, 0.0, Body(0.0, 1.5, None))
+    return chatter_time(speed, 1, 0.0, Body(0.0, 1.5, None))
 """
 
 RUN = "from fpk_rocking.physics.probe import probe; print(probe(0.25), sum(probe.for_python.stats.cache_hits.values()))"

@@ -43,12 +43,12 @@ def test_bouncing_ends_at_its_zeno_time_under_a_constant_force(restitution, forc
     assert at(zeno + 1e-9) == (0.0, 0.0, 0, zeno + 1e-9)
     assert zeno < 3e-6 or at(zeno - 3e-6)[2] != 0
     parabolas = 2.0 * (speeds / gaps).sum()
-    assert chatter_time(speed, force, Body(restitution, CUTOFF)) == pytest.approx(parabolas, rel=1e-12)
+    assert chatter_time(speed, 1, force, Body(restitution, CUTOFF)) == pytest.approx(parabolas, rel=1e-12)
 
 
 def test_contact_at_the_limits_of_restitution_and_force():
     hopeless = (1.0, 0.5), (-1.2, 0.5), (0.0, 1.0)
-    assert [chatter_time(0.1, force, Body(e, CUTOFF)) for force, e in hopeless] == [math.inf] * 3
+    assert [chatter_time(0.1, 1, force, Body(e, CUTOFF)) for force, e in hopeless] == [math.inf] * 3
     rest = (0.0, 0.0, 0, 0.25)
     for force, uplifted in ((1.0, 0), (-1.0, 0), (1.0 + 1e-9, 1), (-1.0 - 1e-9, -1), (0.3, 0)):
         segment = under_force([force], 0.25)

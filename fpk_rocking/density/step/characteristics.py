@@ -176,7 +176,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         side * x, side * end, side, low, high, duration, block, noise.margin
     )
     if kind == Event.NONE and quiet:
-        part = force_factor(0.5 * side * (x + end), block)
+        part = force_factor(0.5 * side * (x + end), side, block)
         for n in range(len(nodes)):
             ends[n, 0], ends[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
             flags[n] = side
@@ -193,7 +193,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         smooth = abs(speed) > TUNING.smooth_impact * spread
         _through_fast_impact(x, v, (time, speed, side, smooth), segment, block, noise, scratch, ends, flags)
         return
-    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(block)):
+    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(side, block)):
         _split_kicks(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, ends, flags)
         return
     _near_contact(x, v, (end, time, side), segment, block, noise, scratch, ends, flags)
@@ -210,7 +210,7 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
     unit, near, particular = _contact_equivalent(x, end, time, side, segment, duration, scratch[2], block)
-    part = force_factor(0.5 * side * (x + end), block) / unit
+    part = force_factor(0.5 * side * (x + end), side, block) / unit
     for n in range(len(offsets)):
         add_path_correction(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
@@ -239,7 +239,7 @@ def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block)
     particular solution is written to `out` (TERMS,). `segment` is the forcing over the step.
     """
     alpha = block.critical_angle
-    unit, level = math.sin(alpha) / alpha, lift_off_level(block)
+    unit, level = math.sin(alpha) / alpha, lift_off_level(side, block)
     first = _excess_acceleration(x, side, segment.force[0], unit, block)
     last = _excess_acceleration(end, side, value_and_slope(segment.force, time)[0], unit, block)
     for k in range(TERMS):
@@ -278,14 +278,14 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
     step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written.
     """
     nodes, duration = noise.nodes, noise.duration
-    xn, vn, sn, part = x, v, side, force_factor(side * x, block)
+    xn, vn, sn, part = x, v, side, force_factor(side * x, side, block)
     for n in range(len(nodes)):
         if n == 0 or nodes[n, 0] != nodes[n - 1, 0]:
             first = half * nodes[n, 0] * part
             xn, vn, sn, _ = _advance(x, v + first, side, segment, duration, TUNING.chatter * duration, block)
         vl, sl = vn, sn
         if abs(xn) < block.cutoff:
-            vl += half * nodes[n, 1] * force_factor(abs(xn), block)
+            vl += half * nodes[n, 1] * force_factor(abs(xn), sn, block)
             if xn == 0.0 and not rests:
                 sl = 1 if vl > 0.0 else -1
         _write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
@@ -323,7 +323,7 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
     force, slope = value_and_slope(segment.force, time)
     met = linearize_impact(speed, side, force, slope, block)
     kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
-    before, after = force_factor(0.5 * side * x, block), force_factor(0.5 * abs(far_x), block)
+    before, after = force_factor(0.5 * side * x, side, block), force_factor(0.5 * abs(far_x), -side, block)
     diffusions = noise.diffusion * before * before, noise.diffusion * after * after
     final, early, (b11, b12, b21, b22) = covariance_through_impact(diffusions, time, rest, met, block.restitution)
     move_origin(segment.particular, time, late)
@@ -381,7 +381,7 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
     if least <= margins[0]:
         return False
     # The pull towards x = 0 is weaker than there by what the angle has gained, times the cosine that turns it.
-    fall -= (least - margins[0]) * min(force_factor(0.0, block), force_factor(block.cutoff, block))
+    fall -= (least - margins[0]) * min(force_factor(0.0, side, block), force_factor(block.cutoff, side, block))
     return most < block.cutoff - margins[0] or slow - max(fall, 0.0) * duration > margins[1]
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level
+from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level, restitution_from
 from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
 from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
@@ -112,7 +112,7 @@ def next_event(x, v, side, segment, start, end, block):
 @kernel(inline="always")
 def can_lift_off(low, high, block):
     """Whether a force f between `low` and `high` may lift a `Body` off that is at rest."""
-    return max(high, -low) >= lift_off_level(block)
+    return high >= lift_off_level(1, block) or -low >= lift_off_level(-1, block)
 
 
 @kernel
@@ -156,15 +156,14 @@ def lift_off_time(segment, start, end, block):
     same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
-    level = lift_off_level(block)
-    level, target = level + margin, level + 2.0 * margin
+    left, right = lift_off_level(-1, block), lift_off_level(1, block)
     t = start
     while t < end:
         force, slope = value_and_slope(segment.force, t)
-        if abs(force) > level:
+        if force > right + margin or -force > left + margin:
             return t, (1 if force > 0.0 else -1)
-        below = least_closing_time(target + force, slope, segment.force_curvature)
-        above = least_closing_time(target - force, -slope, segment.force_curvature)
+        below = least_closing_time(left + 2.0 * margin + force, slope, segment.force_curvature)
+        above = least_closing_time(right + 2.0 * margin - force, -slope, segment.force_curvature)
         t += min(below, above)
     return end, 0
 
@@ -178,9 +177,9 @@ def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
     than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped.
     """
     force, slope = value_and_slope(segment.force, time)
-    gap = lift_off_level(block) - abs(force)
+    gap = min(lift_off_level(1, block) - force, lift_off_level(-1, block) + force)
     if gap > 0.0:
-        delay = chatter_time(speed, side * force, block)
+        delay = chatter_time(speed, side, force, block)
         if delay <= slow and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
     return (side if speed >= SPEED_FLOOR else 0), 0.0
@@ -225,7 +224,7 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
         if event == Event.IMPACT:
             if impacts is not None and v != 0.0:
                 record_impact(impacts, origin + t, v)
-            v = velocity_after_impact(v, block.restitution)
+            v = velocity_after_impact(v, restitution_from(side, block))
             side, delay = rest_or_flight(abs(v), -side, segment, t, block, slow)
             if side == 0:
                 v, t = 0.0, t + delay

@@ -19,7 +19,13 @@ from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS, particular
-from fpk_rocking.physics.motion.equation import dispatch_on_block, slender_acceleration, slender_acceleration_bounds
+from fpk_rocking.physics.motion.equation import (
+    acceleration_scale,
+    dispatch_on_block,
+    saddle,
+    slender_acceleration,
+    slender_acceleration_bounds,
+)
 from fpk_rocking.physics.motion.segment import least_closing_time, move_origin, value_and_slope
 
 # Arguments that one of two forms does not use are there for the other.
@@ -134,10 +140,10 @@ def _expand(u, w, side, force, t, span, block, work):
     """
     angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
     move_origin(force, t, push)
-    phi = alpha * (1.0 - u)
+    phi, scale = alpha * (saddle(side, block) - u), acceleration_scale(side, block)
     angle[0], angle[1], sine[0], cosine[0] = u, w, math.sin(phi), math.cos(phi)
     size, power, before, weight = max(1.0, abs(u)), span * span, math.inf, 1.0 / alpha
-    angle[2] = 0.5 * (side * push[0] * cosine[0] - weight * sine[0])
+    angle[2] = scale * (0.5 * (side * push[0] * cosine[0] - weight * sine[0]))
     for k in range(1, TERMS - 2):
         s, c, total = 0.0, 0.0, 0.0
         for i in range(1, k + 1):
@@ -148,7 +154,7 @@ def _expand(u, w, side, force, t, span, block, work):
         share = alpha * _RECIPROCALS[k]
         sine[k], cosine[k] = share * s, share * c
         total += push[0] * cosine[k]
-        angle[k + 2] = (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
+        angle[k + 2] = scale * (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
         power *= span
         term = abs(angle[k + 2]) * power
         if before + term < 1e-18 * size:  # those that follow are far below rounding

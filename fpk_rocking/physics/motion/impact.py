@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor, restitution_from
 from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_flight
 
 
@@ -51,7 +51,7 @@ def side_of_start(x, v):
 
 
 @kernel
-def chatter_time(speed, force, block):
+def chatter_time(speed, side, force, block):
     """Time in which ever smaller bounces bring a block to rest, under a force held constant (a geometric sum).
 
     A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' at zero angle, which is 1 - s f
@@ -61,8 +61,10 @@ def chatter_time(speed, force, block):
     ----------
     speed : float
         Speed just after an impact, nondimensional.
+    side : int
+        The side s that the impact leads to.
     force : float
-        s f: the forcing seen from the side that the impact leads to.
+        The forcing f.
     block : Body
 
     Returns
@@ -70,14 +72,11 @@ def chatter_time(speed, force, block):
     float
         The time to rest; inf where the force or e = 1 allows no rest.
     """
-    near, far, restitution = (
-        -acceleration(0.0, 1, force, block),
-        -acceleration(0.0, 1, -force, block),
-        block.restitution,
-    )
-    if near <= 0.0 or far <= 0.0 or restitution >= 1.0:
+    near, far = -acceleration(0.0, side, force, block), -acceleration(0.0, -side, force, block)
+    leaving, returning = restitution_from(side, block), restitution_from(-side, block)
+    if near <= 0.0 or far <= 0.0 or leaving * returning >= 1.0:
         return float("inf")
-    return 2.0 * speed * (1.0 / near + restitution / far) / (1.0 - restitution * restitution)
+    return 2.0 * speed * (1.0 / near + leaving / far) / (1.0 - leaving * returning)
 
 
 class LinearizedImpact(NamedTuple):
@@ -112,10 +111,10 @@ def linearize_impact(speed, side, force, slope, block):
     then.
     """
     return LinearizedImpact(
-        speed, velocity_after_impact(speed, block.restitution),
+        speed, velocity_after_impact(speed, restitution_from(side, block)),
         side * acceleration(0.0, side, force, block), -side * acceleration(0.0, -side, force, block),
         acceleration_gradient(0.0, side, force, block), acceleration_gradient(0.0, -side, force, block),
-        slope * force_factor(0.0, block),
+        slope * force_factor(0.0, side, block),
     )  # fmt: skip
 
 
