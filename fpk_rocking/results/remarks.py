@@ -31,7 +31,8 @@ UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is
 def scene_text(scene: Scene) -> str:
     """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
     start = f"start at ({scene.start.angle:g}, {scene.start.velocity:g})"
-    return f"{scene.forcing}, e = {scene.block.restitution_text()}, {start}, {noise_text(scene.noise)}; all nondimensional."
+    restitution = scene.block.restitution_text()
+    return f"{scene.forcing}, e = {restitution}, {start}, {noise_text(scene.noise)}; all nondimensional."
 
 
 def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:

@@ -79,9 +79,7 @@ class Body(BlockSize):
     def frequency_parameters(self) -> tuple[float, float]:
         """Frequency parameters p_s of the left and of the right side, rad/s."""
         radii = (math.hypot(self.height_of_centre, distance) for distance in (self.left, self.right))
-        left, right = (
-            math.sqrt(self.gravity * radius / (self.radius_of_gyration**2 + radius**2)) for radius in radii
-        )
+        left, right = (math.sqrt(self.gravity * radius / (self.radius_of_gyration**2 + radius**2)) for radius in radii)
         return left, right
 
     @property
@@ -105,11 +103,12 @@ class Body(BlockSize):
     def levers(self) -> tuple[float, float]:
         """Distances R_s of the centre of mass from the left and from the right corner, in units of g/p²."""
         unit = self.frequency_parameter**2 / self.gravity
-        return tuple(unit * math.hypot(self.height_of_centre, distance) for distance in (self.left, self.right))  # type: ignore[return-value]
+        left, right = (unit * math.hypot(self.height_of_centre, distance) for distance in (self.left, self.right))
+        return left, right
 
     @property
     def restitution(self) -> float | tuple[float, float]:
-        """Velocity ratio of an impact without bounce or slip, from the balance of angular momentum about the new corner.
+        """Velocity ratio of an impact without bounce or slip, by the angular momentum about the new corner.
 
         One number for a body in the middle, else two: of an impact that leaves the left side, and one that leaves the
         right. It is (r² + h² - b_r b_l) / (r² + R²) with the R of the new corner; Housner's for a rectangle.

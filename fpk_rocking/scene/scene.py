@@ -120,7 +120,9 @@ class Scene:
         for name, part in parts.items():
             if isinstance(part, dict):
                 cls = type(own[name])
-                dropped = {"remark"} | ({"critical_angle"} if part.keys() & {"dimensions", "body", "slender"} else set())
+                dropped = {"remark"} | (
+                    {"critical_angle"} if part.keys() & {"dimensions", "body", "slender"} else set()
+                )
                 unchanged = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
                 parts[name] = cls(**checks.arguments(name, unchanged | part, cls))
         return dataclasses.replace(self, **parts)
@@ -196,6 +198,7 @@ class Scene:
         gravity: float = STANDARD_GRAVITY,
         start: Start = Start(),
         overturning: Overturning = Overturning(),
+        overturning_angle: float | str | None = None,
         slender: bool = False,
     ) -> Self:
         """Build a scene from the size of a block and the shaking of its base.
@@ -233,6 +236,8 @@ class Scene:
             Acceleration of gravity, m/s².
         start, overturning : Start, Overturning
             Nondimensional, angles in units of the critical angle.
+        overturning_angle : float, optional
+            Angle that counts as overturning, degrees, in place of `overturning`: 90 is the fall itself.
         slender : bool
             Take the equation of motion of a slender block instead of the exact one.
 
@@ -257,6 +262,10 @@ class Scene:
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
+        if overturning_angle is not None:
+            name = "overturning_angle"
+            radians = checks.number(name, in_units(name, overturning_angle, "angle"), above=0.0)
+            overturning = Overturning(radians / size.critical_angle)
         dimensions = None if isinstance(size, Body) else size
         block = Block(restitution, dimensions, slender=slender, body=body)  # type: ignore[arg-type]  # None: from the size
         return cls(block, forcing, noise, start, overturning)
@@ -397,16 +406,20 @@ def _size(width, height, gravity, body):
     """Return the `Dimensions` or the `Body` of `Scene.from_block`."""
     if body is None:
         return Dimensions(width, height, gravity)
-    for name, value, default in (("width", width, None), ("height", height, None), ("gravity", gravity, STANDARD_GRAVITY)):
+    for name, value, default in (
+        ("width", width, None),
+        ("height", height, None),
+        ("gravity", gravity, STANDARD_GRAVITY),
+    ):
         if value != default:
             raise ValueError(checks.refusal(name, value, "nothing where there is a body"))
     return checks.instance("body", body, Body)
 
 
 def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
-    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by the `Dimensions` or `Body` `size`.
+    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size.
 
-    `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None; the others are as of `Scene.from_block`.
+    `size` is the `Dimensions` or the `Body`. `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None; the others are as of `Scene.from_block`.
     """
     if record is not None:
         checks.instance("record", record, Record)

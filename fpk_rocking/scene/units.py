@@ -77,7 +77,7 @@ def _unit_in(text, units):
 
 
 class BlockSize(abc.ABC):
-    """Conversions of nondimensional quantities to units and back, by critical angle, frequency parameter and gravity."""
+    """Conversions of nondimensional quantities to units and back: by critical angle, frequency parameter, gravity."""
 
     __slots__ = ()
     gravity: float

@@ -78,13 +78,16 @@ class SidesOfContact(NamedTuple):
     lever: tuple[float, float] = (0.75, 0.75)
 
 
+RECTANGLE = SidesOfContact()
+
+
 def contact_forces(
     angle: Array,
     velocity: Array,
     force: Array,
     critical_angle: float,
     slender: bool = False,
-    sides: SidesOfContact = SidesOfContact(),
+    sides: SidesOfContact = RECTANGLE,
 ) -> Array:
     """Return the forces of the floor on a block, over its weight mg.
 

@@ -125,8 +125,8 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
     """Find the accelerations at the points of a flight from a guess `near` of y = u - m there.
 
     `base`, `near` and `force`, which is s f, are `Lanes` at the points; `square` is that of the duration, `alpha` α and
-    `scale` κ. y is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of what is returned first: y'', less y
-    if `own`. Return that, y, `Lanes` each, and whether the iteration has come to its end.
+    `scale` κ. y is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of what is returned first:
+    y'', less y if `own`. Return that, y, `Lanes` each, and whether the iteration has come to its end.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -180,7 +180,8 @@ def fly_by_tables(u, w, side, force, tables, span, block):
     near = (base - fall * (cosh - 1.0)) + scale * less * lanes_times_table(tables.inner, force)
     pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
-    return middle + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), pull + angle, found
+    end = middle + y + total(load(tables.points, 2) * pull)
+    return end, w + total(load(tables.points, 3) * pull), pull + angle, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
