@@ -1,4 +1,4 @@
-"""Drift of measured motions: how many are told, what a correction does to PGV, and to the annual rate of a study.
+"""Drift of measured motions: how many drift, what a correction does to PGV, and to the annual rate of a study.
 
 FILE is an .npz with `ids` (n,), `dt`, seconds, and for each id `a<id>`, the acceleration in 1e-4 g. The repository
 holds no copy of measured motions. A minute:
@@ -68,10 +68,10 @@ def main():
     rows, shares = [], {}
     for name, records in groups.items():
         drifts = [record.drift for record in records]
-        ratio = np.quantile([one.pgv / one.corrected_pgv for one in drifts], [0.05, 0.5, 0.95])
+        ratio = np.quantile([drift.pgv / drift.corrected_pgv for drift in drifts], [0.05, 0.5, 0.95])
         shares[name] = float(np.mean([record.drifts for record in records]))
-        told = f"{sum(record.drifts for record in records)} of {len(records)}"
-        rows.append([name, told, *(f"{value:.3g}" for value in ratio)])
+        drifting_of_all = f"{sum(record.drifts for record in records)} of {len(records)}"
+        rows.append([name, drifting_of_all, *(f"{value:.3g}" for value in ratio)])
     chosen = raw[:: len(raw) // MOTIONS][:MOTIONS]
     added = [drifting(record) for record in chosen]
     rates = {
@@ -103,7 +103,7 @@ def main():
         "own away. The columns 5 %, median and 95 % are of PGV as it is over PGV without drift. Synthetic motions are "
         "those of `synthetic_records`.\n\n"
     )
-    body += table(["motions", "told", "5 %", "median", "95 %"], rows) + "\n\n"
+    body += table(["motions", "drifting", "5 %", "median", "95 %"], rows) + "\n\n"
     body += table(head, [[name, f"{rate:.3e}", f"{rate / base:.3f}"] for name, rate in rates.items()]) + "\n\n"
     body += "Block of 0.5 m by 1.8 m, no noise, PGV from 0.1 to 4 m/s in 24 steps, hazard 1e-4 im^-2.5."
     write_section("Records that drift", body, page=None, values={"shares": shares, "rates": rates})

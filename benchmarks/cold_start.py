@@ -34,13 +34,13 @@ class Clock(event.Listener):
     open, spent = [], {}
     def on_start(self, _):
         self.open.append([time.process_time(), 0.0])
-    def on_end(self, made):
+    def on_end(self, compiled):
         begin, inner = self.open.pop()
-        whole, kernel = time.process_time() - begin, made.data["dispatcher"].py_func
+        elapsed, kernel = time.process_time() - begin, compiled.data["dispatcher"].py_func
         name = f"{kernel.__module__}.{kernel.__name__}"
-        self.spent[name] = self.spent.get(name, 0.0) + whole - inner
+        self.spent[name] = self.spent.get(name, 0.0) + elapsed - inner
         if self.open:
-            self.open[-1][1] += whole
+            self.open[-1][1] += elapsed
 
 event.register("numba:compile", Clock())
 cli.main(sys.argv[1:])

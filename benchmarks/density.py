@@ -37,15 +37,12 @@ print(next(line.split()[1] for line in pathlib.Path("/proc/self/status").read_te
 """
 
 
-def run_of(scene, number, tol):
-    """Return a run at the resolution of a number, evolved, and its solution."""
-    bound = velocity_bound(scene, scene.noise.diffusion)
-    run = PeriodicPropagator(
-        scene,
-        RESOLUTIONS[number].adapted(scene, bound, explore(scene, scene.period * np.arange(CYCLES + 1))),
-        TUNING.negligible_mass * tol,
-    )
-    return run, run.propagate(scene.period * np.arange(CYCLES + 1))
+def run_of(scene, resolution, tol):
+    """Solve a scene once at a `Resolution`, with no estimate: its `PeriodicPropagator`, and its solution by cycle."""
+    bound, times = velocity_bound(scene, scene.noise.diffusion), scene.period * np.arange(CYCLES + 1)
+    adapted = resolution.adapted(scene, bound, explore(scene, times))
+    run = PeriodicPropagator(scene, adapted, TUNING.negligible_mass * tol)
+    return run, run.propagate(times)
 
 
 def peak_memory(tol):
@@ -62,7 +59,7 @@ def fine_bins(space, coefficients):
 
 def main_rows():
     """Rows of the main scene by tolerance: seconds, errors against both references, estimates, size."""
-    truth_run, truth = run_of(MAIN, len(RESOLUTIONS) - 1, 1e-4)
+    truth_run, truth = run_of(MAIN, RESOLUTIONS[-1], 1e-4)
     finest = fine_bins(truth_run.space, truth.coefficients)
     reference = np.load(ROOT / "tests" / "data" / "main_white.npz")
     edges, sampled = (reference["angle_edges"], reference["velocity_edges"]), reference["survival"][: CYCLES + 1]
@@ -128,7 +125,7 @@ def copy_bandwidth():
 
 def step_figures(tol=1e-3):
     """Unknowns moved a second by the steps of the last run for a tolerance, bytes and seconds a step."""
-    run, solution = run_of(MAIN, USUAL[tol], tol)
+    run, solution = run_of(MAIN, RESOLUTIONS[USUAL[tol]], tol)
     density, steps = solution.coefficients[4], run.steps
     seconds = medians({"": lambda: [step.apply(density) for step in steps]})[""] / len(steps)
     moved = 16 * run.space.unknowns + sum(step.nbytes for step in steps) / len(steps)

@@ -14,7 +14,7 @@ import time
 import warnings
 
 import numpy as np
-from density import CYCLES, MAIN, TOLERANCES, peak_memory
+from density import CYCLES, MAIN, TOLERANCES, peak_memory, run_of
 from equal_pictures import WHITE_ERROR, draw_errors, draw_growth
 from equal_truth import Truth
 from eulerian_runs import EDGES, Row
@@ -22,11 +22,8 @@ from eulerian_runs import Run as Baseline
 from report import DATA, ROOT, medians, slug, table, write_section
 
 from fpk_rocking import CycleOperator, load_scene, solve_fpk
-from fpk_rocking.density.periodic import PeriodicPropagator
-from fpk_rocking.density.resolution import RESOLUTIONS, PatchSettings, Resolution, explore
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.resolution import RESOLUTIONS, PatchSettings, Resolution
 from fpk_rocking.density.step.step import Quadrature
-from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import WhiteNoise
 from montecarlo import simulate
@@ -80,21 +77,10 @@ def solver_rows(scene, truth):
     return rows
 
 
-def solved_alone(scene, resolution):
-    """Solve a scene once, at one resolution and with no estimate: the run and its solution."""
-    bound = velocity_bound(scene, scene.noise.diffusion)
-    run = PeriodicPropagator(
-        scene,
-        resolution.adapted(scene, bound, explore(scene, scene.period * np.arange(CYCLES + 1))),
-        TUNING.negligible_mass * TOLERANCES[0],
-    )
-    return run, run.propagate(scene.period * np.arange(CYCLES + 1))
-
-
 def alone_rows(scene, truth):
     """Seconds and errors of single runs by resolution."""
     names = [f"{r.angle_cells} × {r.velocity_cells}, degree {r.degree}, {r.steps} steps" for r in ALONE]
-    solvers = dict(zip(names, [lambda r=r: solved_alone(scene, r) for r in ALONE], strict=True))
+    solvers = dict(zip(names, [lambda r=r: run_of(scene, r, TOLERANCES[0]) for r in ALONE], strict=True))
     seconds = medians(solvers, rounds=3)
     rows = {}
     for name, call in solvers.items():

@@ -14,7 +14,8 @@ def draw_errors(path, figures):
     Parameters
     ----------
     path : path
-    found : dict
+        Picture to write.
+    figures : dict
         What the JSON file of the section holds of a scene.
     """
     (first, others), (second, also) = (
@@ -49,7 +50,7 @@ TARGETS = {"dS = 1e-4": 1e-4, "L1 = 0.01, bins of .1": 0.01}
 
 def _certified(equal, target):
     """Return the seconds that the density solver and the fastest sampler take to certify an error."""
-    (row,) = (one for one in equal if one["target"] == target)
+    (row,) = (entry for entry in equal if entry["target"] == target)
     return row["certified"]["seconds"], min(row[method] for method in ("white", "exact", "rk4"))
 
 
@@ -65,7 +66,7 @@ def _errors(axes, figures, kind, target):
         errors = [max(row[kind], floor) for row in figures[part].values()]
         times = [row["seconds"] for row in figures[part].values()]
         axes.plot(times, errors, mark, linestyle="none", color="black", markerfacecolor="white", label=name)
-    (row,) = (one for one in figures["equal"] if one["target"] == target)
+    (row,) = (entry for entry in figures["equal"] if entry["target"] == target)
     for method, colour in zip(figures["rates"], (*style.COLOURS[:3], "#66c2a5"), strict=False):
         times = np.geomspace(1e4, 1e9, 2) * figures["rates"][method]
         # The error of a sample falls with the square root of its time.
@@ -76,7 +77,10 @@ def _errors(axes, figures, kind, target):
 
 
 def draw_growth(path, noise, horizon, tol):
-    """Seconds as the noise falls, for both engines to the same error, and as the horizon grows."""
+    """Seconds as the noise falls, for both engines to the same error, and as the horizon grows.
+
+    `noise` and `horizon` are rows of the JSON file of the section, `tol` is the tolerance of the density solver.
+    """
     note = (
         f"Main scene, tol {tol:g}. (a) Both to the same L1 error in bins of 0.1: that which the density solver "
         "estimates. Open: it warns that it misses its tolerance."

@@ -18,11 +18,11 @@ class Truth:
     """Survival and last bins of a scene on the solver's finest mesh, and how far the next one is from them."""
 
     def __init__(self, scene):
-        run, solution = run_of(scene, len(RESOLUTIONS) - 1, 1e-4)
+        run, solution = run_of(scene, RESOLUTIONS[-1], 1e-4)
         self.survival = solution.survival
         last = solution.coefficients[CYCLES]
         self.bins = {name: run.space.bin_integrals(last, *edges) for name, edges in BINS.items()}
-        run, solution = run_of(scene, len(RESOLUTIONS) - 2, 1e-4)
+        run, solution = run_of(scene, RESOLUTIONS[-2], 1e-4)
         last = solution.coefficients[CYCLES]
         self.unsure = self.errors(solution.survival, lambda edges: run.space.bin_integrals(last, *edges))
         joint = np.minimum.outer(self.survival, self.survival) - np.outer(self.survival, self.survival)

@@ -78,7 +78,7 @@ class Operator:
     ----------
     areas : ndarray, shape (unknowns,)
         The mass matrix, which is diagonal.
-    one : ndarray, shape (unknowns,)
+    unit : ndarray, shape (unknowns,)
         Coefficients of the test function 1.
 
     Raises
@@ -94,7 +94,7 @@ class Operator:
         self.space, self.scene = space, scene
         cells, self.block = math.prod(space.shape[:2]), math.prod(space.shape[2:])
         self.areas = np.repeat(space.areas.ravel(), self.block)
-        self.one = np.tile(np.eye(1, self.block)[0], cells)
+        self.unit = np.tile(np.eye(1, self.block)[0], cells)
         self._assemble(space.basis(2 * space.degree + 1))
         lines = space.angle_lines
         sides = np.sign(lines[1:] + lines[:-1])
@@ -102,6 +102,7 @@ class Operator:
         self._ends = lines[:-1] - sides, lines[1:] - sides
 
     def _assemble(self, basis):
+        """Assemble the three parts of the operator, and what leaves the mesh, from a basis of skfem with quadrature."""
         mesh, lines = basis.mesh, self.space.velocity_lines
         middle = mesh.p[:, mesh.facets].mean(axis=1)
         upright = np.ptp(mesh.p[0][mesh.facets], axis=0) == 0.0
@@ -110,6 +111,7 @@ class Operator:
         strength = (self.space.degree + 1) ** 2 * self.scene.noise.diffusion / size
 
         def on(form, facets):
+            """Matrix of a form over facets, numbers (n,) of the mesh."""
             sides = [FacetBasis(mesh, basis.elem, facets=facets, side=k) for k in range(1 + inside[facets[0]])]
             side, penalty = np.sign(middle[0][facets])[:, None], strength[facets][:, None]
             return asm(form, sides, sides, side=side, penalty=penalty, diffusion=self.scene.noise.diffusion)
@@ -125,10 +127,10 @@ class Operator:
         ]  # fmt: skip
         push_parts = [asm(push, basis), on(push_across, rungs), away[1]]
         self._set_blocks(sum(still_parts), sum(push_parts), on(jumps, rungs) + away[2])
-        passed = -(out.T @ self.one).reshape(self.space.shape[0], -1)
+        passed = -(out.T @ self.unit).reshape(self.space.shape[0], -1)
         left = np.arange(len(passed))[:, None] < self.space.first_positive
         self._passed = np.stack([np.where(left, passed, 0.0).ravel(), np.where(left, 0.0, passed).ravel()])
-        self._lost = [-(matrix.T @ self.one) for matrix in away]
+        self._lost = [-(matrix.T @ self.unit) for matrix in away]
 
     def _set_blocks(self, *matrices):
         """Keep the three parts of the operator as blocks of one sparsity, so that they can be added as arrays."""
@@ -166,7 +168,7 @@ class Operator:
 
     def mass(self, density):
         """Integral of a density."""
-        return float((self.areas * self.one) @ density)
+        return float((self.areas * self.unit) @ density)
 
 
 def impact(basis, space: Space, scene):

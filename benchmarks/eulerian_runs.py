@@ -97,6 +97,7 @@ def shorter_steps(truth):
     start, lines = Evolution.load(truth).at(1), []
 
     def stepped(steps, scheme):
+        """Probabilities of the fine bins after a cycle in so many steps by a scheme."""
         run = Run(Row(16, 28, 3, steps, scheme), start)
         run.cycle()
         return run.bins(FINE)

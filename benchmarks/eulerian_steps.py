@@ -92,18 +92,22 @@ class March:
         return density + h * (matrix @ mean) / operator.areas, h * operator.losses(mean, force)
 
     def _solve(self, matrix, right):
+        """Solution y (unknowns,) of (h A - z M) y = right, A a block matrix and M the masses, by GMRES."""
         operator, h, pole = self.operator, self.duration, self.scheme.pole
         kind = np.result_type(pole)
 
         def applied(y):
+            """Product of h A - z M with y (unknowns,)."""
             # Twice a real product: a complex copy of the matrix would take longer to make and to read.
             parts = np.ascontiguousarray(y, dtype=kind).view(float).reshape(len(y), -1)
             return h * (matrix @ parts).view(kind).ravel() - pole * operator.areas * y
 
         def preconditioned(y):
+            """Product of the inverted blocks of the cells with y (unknowns,)."""
             return np.matmul(self._inverses, y.reshape(-1, operator.block, 1)).ravel()
 
         def count(_):
+            """Count an iteration."""
             self.iterations += 1
 
         shape = matrix.shape

@@ -80,6 +80,7 @@ class _Groups:
 
     @staticmethod
     def rvs(size, random_state):
+        """Values (size,) drawn from a generator, as of a law of scipy."""
         return 1.5 * random_state.choice([-1.0, 1.0], size) + random_state.standard_normal(size)
 
 
@@ -149,7 +150,8 @@ def page(values):
     ]
     for name, rows in coverage.items():
         text += [
-            f"| {name} | {size} | {' | '.join(f'{row[one]:.3f}' for one in NAMES)} |" for size, row in rows.items()
+            f"| {name} | {size} | {' | '.join(f'{row[column]:.3f}' for column in NAMES)} |"
+            for size, row in rows.items()
         ]
     text += ["", "Share of suites that the test rejects at 5 %, by the law of the capacities:", ""]
     text += [f"| law | {' | '.join(f'{size} motions' for size in sizes)} |", "|---|" + "---|" * len(sizes)]
@@ -162,5 +164,5 @@ def page(values):
 
 
 if __name__ == "__main__":
-    found = run()
-    write_json(sys.argv[1] if len(sys.argv) > 1 else "docs/benchmarks/few_motions.json", page(found) | found)
+    tables = run()
+    write_json(sys.argv[1] if len(sys.argv) > 1 else "docs/benchmarks/few_motions.json", page(tables) | tables)

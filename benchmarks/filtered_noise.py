@@ -32,7 +32,7 @@ COLUMNS = [
     "estimate",
     "CPU s, density",
     "paths",
-    "said",
+    "warning or refusal",
 ]
 
 
@@ -53,7 +53,7 @@ def judged(scene, paths):
             density = solve_fpk(scene, cycles=CYCLES, tol=TOL)
         except ValueError as refusal:
             return [*_names(scene), *["-"] * 8, f"refused: {refusal}"], None
-    taken = time.process_time() - begin
+    solving = time.process_time() - begin
     begin = time.process_time()
     sample = simulate(scene, cycles=CYCLES, realizations=paths, seed=1, steps_per_cycle=STEPS)
     sampling = time.process_time() - begin
@@ -62,18 +62,20 @@ def judged(scene, paths):
     estimates = density.error_estimate, density.rest_error_estimate
     allowed = max(TOL, estimates[0]), estimates[1] + LEFT
     inside = [
-        bool((one <= most + SIGMAS * error).all()) for one, most, error in zip(apart, allowed, errors, strict=True)
+        bool((difference <= most + SIGMAS * error).all())
+        for difference, most, error in zip(apart, allowed, errors, strict=True)
     ]
     row = _names(scene)
-    for ours, theirs, one, estimate in zip(
+    for ours, theirs, difference, estimate in zip(
         (density.survival, density.at_rest), (sample.survival, sample.at_rest), apart, estimates, strict=True
     ):
-        row += [f"{ours[-1]:.4f}, {theirs[-1]:.4f}", f"{one.max():.4f}", f"{estimate:.4f}"]
-    said = "; ".join(str(warning.message) for warning in caught) or "-"
-    return [*row, f"{taken:.0f}", f"{sampling:.0f}", said], inside
+        row += [f"{ours[-1]:.4f}, {theirs[-1]:.4f}", f"{difference.max():.4f}", f"{estimate:.4f}"]
+    messages = "; ".join(str(warning.message) for warning in caught) or "-"
+    return [*row, f"{solving:.0f}", f"{sampling:.0f}", messages], inside
 
 
 def _names(scene):
+    """Filter and forcing of a scene, as two cells of text."""
     noise, force = scene.noise, scene.forcing
     return [
         f"{noise.filter}, {noise.frequency:.1f}",
@@ -104,13 +106,13 @@ def main():
 
 
 def section(rows, inside_by_scene, seed, paths):
-    """Return the text of the section: what was found of the rows, and these."""
+    """Return the text of the section: how many scenes are right, and the rows of the table."""
     answered = [inside for inside in inside_by_scene if inside]
     rests = [inside[1] for row, inside in zip(rows, inside_by_scene, strict=True) if inside and float(row[7]) > 0.0]
     seconds = [float(row[8]) for row in rows if row[8] != "-"]
     return f"""**Result**, `solve_fpk` at tol {TOL:g}: {len(answered)} of {len(rows)} scenes answered; survival is
-right in {sum(one[0] for one in answered)} of them, the share of blocks at rest in {sum(rests)} of the {len(rests)} in
-which any rest. A call took {min(seconds):.0f} to {max(seconds):.0f} CPU s.
+right in {sum(survives for survives, _ in answered)} of them, the share of blocks at rest in {sum(rests)} of the
+{len(rests)} in which any rest. A call took {min(seconds):.0f} to {max(seconds):.0f} CPU s.
 
 Random scenes (seed {seed}, drawn after the solver was finished); {CYCLES} cycles from rest, against {paths:,} paths of
 the engine `filtered` with {STEPS:,} steps a cycle, whose sampling is part of the errors in the table. Right: within the

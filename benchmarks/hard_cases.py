@@ -121,9 +121,9 @@ def judged(row: Row, reference: Reference | None, tol=TOL):
         try:
             evolution = solve_fpk(row.scene, cycles=row.cycles, tol=tol)
         except ValueError as error:
-            said = str(error)
-            refused = ": got " in said and ", accepted: " in said
-            return Finding(["-"] * 8, "refused" if refused else f"**FAILS** {type(error).__name__}", said)
+            message = str(error)
+            refused = ": got " in message and ", accepted: " in message
+            return Finding(["-"] * 8, "refused" if refused else f"**FAILS** {type(error).__name__}", message)
     seconds = time.perf_counter() - begin
     if reference is None:
         return Finding(["-"] * 8, "**FAILS** solved, but nothing is known to judge it by")

@@ -46,9 +46,11 @@ def rows():
     """
 
     def row(name, paths=500_000, cycles=10, sampled=None, binned=(2, 10), **parts):
+        """Return the `Row` of the main scene with other parts, by their names in a `Scene`."""
         return Row(name, dataclasses.replace(MAIN, **parts), paths, cycles, sampled or cycles, binned)
 
     def forced(amplitude=MAIN.forcing.amplitude, frequency=MAIN.forcing.frequency, phase=MAIN.forcing.phase):
+        """Return the forcing of the main scene with other parameters."""
         return Harmonic(amplitude, frequency, phase)
 
     weak, strong = WhiteNoise(2.5e-4), WhiteNoise(0.05)

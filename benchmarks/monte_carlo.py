@@ -27,7 +27,11 @@ TARGET = 1e-6
 
 @kernel
 def rotation_sum(begin, end, keys, parameters, samples, spacing, sink):
-    """Sum the harmonics of each realization at `samples` equal times, every one rotated from each time to the next."""
+    """Sum the squares of the noise of each realization at equal times, each harmonic rotated from time to time.
+
+    Realizations `begin` to `end` of those of `keys` (4,) uint64; `samples` (realizations,) are their numbers of times,
+    `spacing` is that of the times in cycles, `parameters` are those of `rk4`. The sums go to `sink` (realizations,).
+    """
     for r in range(begin, end):
         own = band.allocate_realization(parameters.band.harmonics, 1)
         draw_start_and_noise(open_stream(keys, r), parameters.start, parameters.band, own)
@@ -38,6 +42,7 @@ def rotation_sum(begin, end, keys, parameters, samples, spacing, sink):
 
 @kernel(fastmath={"contract", "reassoc"})
 def _rotated(own, samples):
+    """Sum of the squares of the noise of a `band.Realization` at so many times, its `hop` apart."""
     cosines, sines, c, s = own.cosines, own.sines, own.hop[0], own.hop[1]
     total = 0.0
     for _ in range(samples):
@@ -53,7 +58,10 @@ def _rotated(own, samples):
 
 @kernel
 def chunked_sum(begin, end, keys, parameters, samples, spacing, half, sink):
-    """Make the same samples as the engines make them: chunks of 2 * half + 1 about a centre."""
+    """Make the same samples as `rotation_sum` as the engines make them: chunks of 2 * half + 1 about a centre.
+
+    The arguments are those of `rotation_sum`; `sink` (realizations,) gets a number that depends on all samples.
+    """
     for r in range(begin, end):
         own = band.allocate_realization(parameters.band.harmonics, half)
         draw_start_and_noise(open_stream(keys, r), parameters.start, parameters.band, own)
@@ -72,11 +80,11 @@ def chunked_sum(begin, end, keys, parameters, samples, spacing, half, sink):
 def floor(realizations=20_000):
     """Return the time of rk4, of the rotation sum and of the chunked sum on the samples that rk4 needs."""
     ensemble = simulate(MAIN, cycles=CYCLES, realizations=realizations, method="rk4", steps_per_cycle=STEPS)
-    chunk = MAIN.period / STEPS * rk4.CHUNK_STEPS
-    lived = np.where(np.isnan(ensemble.overturn_time), CYCLES * MAIN.period, ensemble.overturn_time)
-    samples = (np.ceil(lived / chunk - 1e-9) * 2 * rk4.CHUNK_STEPS).astype(np.int64)
     parameters, keys, sink = rk4.parameters_of(MAIN, STEPS), stream_keys(1), np.empty(realizations)
-    spacing, half = 0.5 / STEPS, rk4.CHUNK_STEPS
+    spacing, half = 0.5 / STEPS, rk4.workspace_of(parameters).low.size
+    chunk = MAIN.period / STEPS * half
+    lived = np.where(np.isnan(ensemble.overturn_time), CYCLES * MAIN.period, ensemble.overturn_time)
+    samples = (np.ceil(lived / chunk - 1e-9) * 2 * half).astype(np.int64)
     return medians(
         {
             "rk4, the whole engine": lambda: simulate(

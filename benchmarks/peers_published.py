@@ -30,6 +30,7 @@ def balances():
     owner, speed = run.impact_realization[late], np.abs(run.impact_velocity[late])
 
     def moment(power):
+        """Sum of a power of the impact speeds of each path, per unit of time (paths,)."""
         return np.bincount(owner, speed**power, minlength=BALL_PATHS) / duration
 
     after = run.time >= SETTLED

@@ -38,7 +38,7 @@ KEPT = ROOT / "results" / "practical_blocks"
 TITLE = "Practical blocks"
 COLUMNS = [
     "", "width, m", "height, m", "m/s²", "Hz", "e", "A", "Ω", "D", "S(10)", "dS (z)", "estimate", "L1 after 4",
-    "L1 after 10", "s", "white, s", "exact, s", "said",
+    "L1 after 10", "s", "white, s", "exact, s", "warning or refusal",
 ]  # fmt: skip
 _GRAVITY = 9.81
 _SCREENED = 10_000
@@ -65,6 +65,7 @@ def practical_blocks(seed, count):
     rng = np.random.default_rng(seed)
 
     def logarithmic(low, high):
+        """Draw a number uniformly in its logarithm."""
         return math.exp(rng.uniform(math.log(low), math.log(high)))
 
     while count > 0:
@@ -81,13 +82,13 @@ def practical_blocks(seed, count):
 
 
 class Row(NamedTuple):
-    """What was found of a scene.
+    """What a scene came to: the answer, its errors, and the seconds that it took.
 
     `survival`: after ten cycles, by the reference, of which there are `paths`. `error`, `z`: largest error in survival
     over the cycles, and it over its standard error. `estimate`, `bins_estimate`: the solver's own. `distances`: of the
     two binned cycles, L1 and what sampling alone gives. From `error` to `distances` all are None without an answer.
     `seconds`: of `solve_fpk`, refused or not. `variance`, `rates`: the largest S (1 - S) over the cycles and seconds a
-    path, by engine. `said`: warnings, or the reason why there is no answer.
+    path, by engine. `remark`: warnings, or the reason why there is no answer.
     """
 
     scene: Scene
@@ -102,7 +103,7 @@ class Row(NamedTuple):
     seconds: float
     variance: dict
     rates: dict
-    said: str
+    remark: str
 
     @property
     def answered(self):
@@ -187,9 +188,9 @@ def judged(scene, tol, paths):
         try:
             evolution = solve_fpk(scene, cycles=CYCLES, tol=tol)
         except Exception as reason:  # noqa: BLE001  (the table says what came, and goes on)
-            seconds, said = time.perf_counter() - begin, [f"{type(reason).__name__}: {reason}"]
+            seconds, messages = time.perf_counter() - begin, [f"{type(reason).__name__}: {reason}"]
         else:
-            seconds, said = time.perf_counter() - begin, [str(warning.message) for warning in caught]
+            seconds, messages = time.perf_counter() - begin, [str(warning.message) for warning in caught]
             truth, noise = sampling(reference)
             errors = np.asarray(evolution.survival) - truth
             worst = 1 + int(np.abs(errors[1:]).argmax())
@@ -199,7 +200,7 @@ def judged(scene, tol, paths):
     survival = reference.standing[-1] / reference.paths
     diffusion = white.noise.diffusion
     figures = error, z, estimate, bins, apart
-    return Row(scene, diffusion, survival, *figures, paths, seconds, variance, rates, "; ".join(said))
+    return Row(scene, diffusion, survival, *figures, paths, seconds, variance, rates, "; ".join(messages))
 
 
 def cells_of(number, row):
@@ -220,14 +221,14 @@ def cells_of(number, row):
         *own,
         f"{row.seconds:.1f}",
         *(f"{row.sampling_seconds(engine, TARGETS[0]):.2g}" for engine in ("white", "exact")),
-        row.said.replace("|", "¦").replace("\n", " ") or "-",
+        row.remark.replace("|", "¦").replace("\n", " ") or "-",
     ]
 
 
 def summary(rows, tol):
     """Lines that sum up the rows."""
     answers = [row for row in rows if row.answered]
-    lines = [f"* answered: {len(answers)} of {len(rows)}, {sum(bool(row.said) for row in answers)} with a warning"]
+    lines = [f"* answered: {len(answers)} of {len(rows)}, {sum(bool(row.remark) for row in answers)} with a warning"]
     for name, chosen in {"answers": answers, "refusals": [row for row in rows if not row.answered]}.items():
         spent = [row.seconds for row in chosen]
         if spent:

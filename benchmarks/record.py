@@ -40,7 +40,7 @@ COLUMNS = [
     "estimate",
     "density, s",
     "paths, s",
-    "said",
+    "verdict",
 ]
 
 
@@ -65,19 +65,19 @@ def paths_of(scene, scale, paths):
 def row_of(scene, scale, paths, bins_tol):
     """Return a row of the table: entries as text."""
     scene = scene.varied(forcing={"scale": scale})
-    sampled, count, taken = paths_of(scene, scale, paths)
+    sampled, count, sampling = paths_of(scene, scale, paths)
     begin = time.process_time()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         density = solve_fpk(scene, tol=TOL, bins_tol=bins_tol)
-    seconds, said = time.process_time() - begin, "; ".join(str(warning.message) for warning in caught)
+    seconds, messages = time.process_time() - begin, [str(warning.message) for warning in caught]
     error = np.sqrt(np.maximum(sampled * (1.0 - sampled), 1.0 / count) / count)
     apart = np.abs(density.survival[:ROWS] - sampled)
     worst, inside = int(np.argmax(apart)), bool((apart <= TOL + SIGMAS * error).all())
     return [
         f"{scale:g}", f"{scene.forcing.largest:.2f}", f"{density.survival[ROWS - 1]:.4f}", f"{sampled[-1]:.4f}",
         f"{apart[worst]:.4f}", f"{error[worst]:.4f}", f"{density.error_estimate:.4f}", f"{seconds:.1f}",
-        f"{taken:.0f} for {count:,}", ("inside" if inside else "**outside**") + (f"; {said}" if said else ""),
+        f"{sampling:.0f} for {count:,}", "; ".join(["inside" if inside else "**outside**", *messages]),
     ]  # fmt: skip
 
 

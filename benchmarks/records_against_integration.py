@@ -111,14 +111,14 @@ def compared(motions):
         scaled = [Record(record.interval, record.samples, "g", factor * unit) for factor in FACTORS]
         block = Scene.from_block(WIDTH, HEIGHT, record=scaled[0])
         # A range below the lift-off ends the search at once.
-        found = critical_intensities(block, scaled, measure="scale", highest=1e-6)
-        seconds = found.table()["overturn_s"]
+        critical = critical_intensities(block, scaled, measure="scale", highest=1e-6)
+        seconds = critical.table()["overturn_s"]
         for number, factor in enumerate(FACTORS):
             peak, time, side = Motion(factor * unit * samples, record.interval).outcome()
-            count, equal = count + 1, equal + (side == found.overturn_side[number])
+            count, equal = count + 1, equal + (side == critical.overturn_side[number])
             if not side:
-                peaks.append(abs(found.peak[number] - peak))
-            elif found.overturn_side[number]:
+                peaks.append(abs(critical.peak[number] - peak))
+            elif critical.overturn_side[number]:
                 times.append(abs(seconds[number] - time))
         print(record.source, max(peaks, default=0.0), max(times, default=0.0), equal, count, flush=True)
     return np.array(peaks), np.array(times), equal, count

@@ -61,7 +61,10 @@ def records(seed, count):
 
 
 def judged(scene, paths):
-    """Solve, check and sample a scene; a dict of what was found, or of the reason why there is no answer."""
+    """Solve and check a scene, and sample it with many paths: all of these, or the reason of a refusal, as a dict.
+
+    `apart` is survival of the paths less that of the density, at each row but the start.
+    """
     rows = {"cycles": CYCLES} if scene.period else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
@@ -73,7 +76,7 @@ def judged(scene, paths):
     edges = {"angle_edges": [-end, end], "velocity_edges": [-1e6, 1e6]}
     many = tally(scene, realizations=paths, seed=_REFERENCE_SEED, **rows, **edges)
     apart = (many.survival - density.survival)[1:]
-    return {"scene": scene, "found": density, "many": many, "apart": apart}
+    return {"scene": scene, "density": density, "many": many, "apart": apart}
 
 
 def cells_of(number, row):
@@ -82,7 +85,7 @@ def cells_of(number, row):
     first = [number, f"{scene.forcing.largest:.2f}", f"{scene.block.restitution:.2f}"]
     if "reason" in row:
         return [*first, *["-"] * (len(COLUMNS) - 4), row["reason"].replace("|", "¦")]
-    density, check = row["found"], row["found"].replacement
+    density, check = row["density"], row["density"].replacement
     return [
         *first, f"{density.survival[-1]:.4f}", f"{density.error_estimate:.1g}",
         f"{check.difference[-1, 0]:+.4f} ± {check.sampling_error[-1, 0]:.4f}", f"{density.total_error[-1, 0]:.4f}",
@@ -94,25 +97,28 @@ def cells_of(number, row):
 
 def inside(row):
     """Whether the printed interval holds survival by the many paths, in each row but the start."""
-    return np.abs(row["apart"]) <= row["found"].total_error[1:, 0]
+    return np.abs(row["apart"]) <= row["density"].total_error[1:, 0]
 
 
 def summary(rows):
     """Figures that sum up the rows."""
-    answered = [row for row in rows if "found" in row]
+    answered = [row for row in rows if "density" in row]
     held = np.concatenate([inside(row) for row in answered])
-    said = [row for row in answered if row["found"].trust.verdict == "ok"]
-    seconds = {"solve": [row["found"].wall_s for row in answered]}
-    seconds["check"] = [row["found"].replacement.wall_s for row in answered]
+    trusted = [row for row in answered if row["density"].trust.verdict == "ok"]
+    seconds = {"solve": [row["density"].wall_s for row in answered]}
+    seconds["check"] = [row["density"].replacement.wall_s for row in answered]
     return {
         "answered": f"{len(answered)} of {len(rows)}",
         "rows inside the total error": f"{held.sum()} of {held.size}",
-        "ok": len(said),
+        "ok": len(trusted),
         f"ok, off by more than {max(REPLACED, TOL):g}": sum(
-            bool(np.abs(row["apart"]).max() > max(REPLACED, TOL)) for row in said
+            bool(np.abs(row["apart"]).max() > max(REPLACED, TOL)) for row in trusted
         ),
-        "ok, with a row outside": sum(not inside(row).all() for row in said),
-    } | {f"seconds to {name}, median and worst": [statistics.median(one), max(one)] for name, one in seconds.items()}
+        "ok, with a row outside": sum(not inside(row).all() for row in trusted),
+    } | {
+        f"seconds to {name}, median and worst": [statistics.median(spent), max(spent)]
+        for name, spent in seconds.items()
+    }
 
 
 def main():

@@ -20,7 +20,7 @@ def medians(functions, rounds=5):
 
     Parameters
     ----------
-    calls : dict of str to callable
+    functions : dict of str to callable
         Without arguments.
     rounds : int
         Rounds that count.
@@ -57,6 +57,7 @@ def tables_of(body):
 
 
 def _number(text):
+    """Entry of a table as a number, or the text that it is."""
     try:
         return float(text.replace(",", ""))
     except ValueError:

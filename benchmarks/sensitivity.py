@@ -83,21 +83,21 @@ which a call is refused, warned of, or repeated, which moves no result; or what 
 
 def tables():
     """Tables of tuned numbers: {name of the folder: (module, {field: default})}."""
-    found = {}
+    tables_by_folder = {}
     for path in sorted(
         path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("tuning.py")
     ):
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        found[path.parent.name] = module, loaded(module).TUNING._asdict()
-    return found
+        tables_by_folder[path.parent.name] = module, loaded(module).TUNING._asdict()
+    return tables_by_folder
 
 
 def loaded(module):
     """Load the module of a table without anything else of the project."""
     spec = importlib.util.spec_from_file_location(module, ROOT.joinpath(*module.split(".")).with_suffix(".py"))
-    made = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(made)
-    return made
+    table_module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(table_module)
+    return table_module
 
 
 def scenes_of(name, field):
@@ -117,7 +117,7 @@ def times(value, factor):
 
 def when_read(module, field):
     """Say when a field is read: at a "call" of plain functions, at "import", or by "kernels", which compile it."""
-    found = {"call"}
+    moments = {"call"}
     for path in sorted(path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         match = re.search(rf"from {re.escape(module)} import TUNING(?: as (\w+))?", text)
@@ -128,11 +128,12 @@ def when_read(module, field):
             inside = {part for node in plain for line in node.body for part in ast.walk(line)}
             heads = {part for node in plain for part in ast.walk(node)} - inside
             uses = {node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and ast.unparse(node) == name}
-            found |= {"import" if node in heads else "kernels" for node in uses - inside}
-    return max(found, key=("call", "import", "kernels").index)
+            moments |= {"import" if node in heads else "kernels" for node in uses - inside}
+    return max(moments, key=("call", "import", "kernels").index)
 
 
 def _is_plain(function):
+    """Whether a function of a syntax tree is compiled by Python alone, and so reads numbers when it is called."""
     return {*map(ast.unparse, function.decorator_list)} <= {"property", "classmethod", "staticmethod"}
 
 
@@ -160,29 +161,33 @@ def calls():
     moving = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(3.0, 2.7, math.pi), fpk.FilteredNoise("exponential", 0.05, 5.0))
 
     def simulated(scene, cycles, paths=PATHS, **options):
-        found = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
-        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
+        """Results of paths of a scene: survival, bins and the first 200 paths, and the error of sampling."""
+        ensemble = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
+        bins = ensemble.bin_probabilities(len(ensemble.survival) - 1, *EDGES)
         return {
-            "survival": found.survival,
+            "survival": ensemble.survival,
             "bins": bins,
-            "paths": np.stack([found.angle, found.velocity])[:, :200],
-        } | _sampling(found)
+            "paths": np.stack([ensemble.angle, ensemble.velocity])[:, :200],
+        } | _sampling(ensemble)
 
     def split(scene):
-        found = mc.split(scene, cycles=2, walkers=100, repeats=20)
-        repeats = found.repeat_probability[:, -1] / found.probability[-1]
-        return {"survival": found.survival, "paths": repeats, "sampling": found.standard_error}
+        """Results of the splitting of a scene: survival, its repeats, and the error of sampling."""
+        splitting = mc.split(scene, cycles=2, walkers=100, repeats=20)
+        repeats = splitting.repeat_probability[:, -1] / splitting.probability[-1]
+        return {"survival": splitting.survival, "paths": repeats, "sampling": splitting.standard_error}
 
     def solved(scene, cycles, **options):
-        found = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
-        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
-        estimates = [found.error_estimate, found.bins_error_estimate]
-        return {"survival": found.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
+        """Results of the density of a scene: survival, bins and error estimates."""
+        evolution = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
+        bins = evolution.bin_probabilities(len(evolution.survival) - 1, *EDGES)
+        estimates = [evolution.error_estimate, evolution.bins_error_estimate]
+        return {"survival": evolution.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
 
     def operated(scene):
-        found = fpk.CycleOperator(scene, tol=5e-2)
-        estimates, bins = [found.escape_error], found.quasi_stationary.bin_probabilities(*EDGES)
-        return {"survival": found.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
+        """Results of the one-cycle operator of a scene: survival, bins of its leading mode, and its error estimate."""
+        operator = fpk.CycleOperator(scene, tol=5e-2)
+        estimates, bins = [operator.escape_error], operator.quasi_stationary.bin_probabilities(*EDGES)
+        return {"survival": operator.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
 
     rows = {
         "exact": (main, simulated, 8),
@@ -220,6 +225,7 @@ def calls():
     }
 
     def call(name, factor):
+        """Run a scene by its name, with the intensity of its noise times a factor."""
         scene, function, *rest = rows[name]
         field = "diffusion" if scene.noise.kind == "white" else "variance"
         options = rest.pop() if rest and isinstance(rest[-1], dict) else {}
@@ -250,8 +256,9 @@ def work(module, changes):
         out.flush()
 
 
-def _sampling(found):
-    return {"sampling": np.sqrt(found.survival * (1.0 - found.survival) / found.realizations)}
+def _sampling(ensemble):
+    """Return the standard error of survival of an `Ensemble` at each row."""
+    return {"sampling": np.sqrt(ensemble.survival * (1.0 - ensemble.survival) / ensemble.realizations)}
 
 
 def changed(numbers, changes):
@@ -267,11 +274,11 @@ class Variant:
         command = [sys.executable, __file__, "--work", module, json.dumps(changes)]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
         self.process, self.changes = subprocess.Popen(command, env=environment, text=True, cwd=ROOT, **pipes), {}
-        self.known = set()
+        self.called = set()
 
     def call(self, name, factor):
         """Return the answer of `work` to a call, or why there is none."""
-        self.known.add(name)
+        self.called.add(name)
         with contextlib.suppress(BrokenPipeError):
             self.process.stdin.write(json.dumps([name, factor, self.changes]) + "\n")
             self.process.stdin.flush()
@@ -289,9 +296,11 @@ class Variant:
 def differences(base, variant):
     """Return how results differ: at most, bins in sum, nine paths in ten; and the standard error of sampling."""
     combine = {"survival": np.max, "estimate": np.max, "bins": np.sum, "paths": lambda parts: np.quantile(parts, 0.9)}
-    both = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
-    found = {key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in both.items()}
-    return found | {"sampling": max(base.get("sampling", [0.0]))}
+    pairs = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
+    largest = {
+        key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in pairs.items()
+    }
+    return largest | {"sampling": max(base.get("sampling", [0.0]))}
 
 
 def compare(base, variant, scenes, rounds, count):
@@ -300,25 +309,26 @@ def compare(base, variant, scenes, rounds, count):
     That of a scene is the ratio of the least seconds or the median ratio, whichever is nearer to 1: other work on the
     machine moves one rather than both. The first call of a scene in a process, which may compile, is not timed.
     """
-    found = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
+    change = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
     for name in scenes:
         seconds = []
-        for turn in range({name} <= base.known & variant.known, rounds + 1):
+        for turn in range({name} <= base.called & variant.called, rounds + 1):
             factor = 1.0 - 1e-9 * next(count)
             answers = [process.call(name, factor) for process in (base, variant)]
             refused = [answer["refused"] for answer in answers if "refused" in answer]
             if refused:
-                return found | {"refused": f"{name}: {refused[0]}"}
-            found |= {key: max(found[key], value) for key, value in differences(*answers).items()}
+                return change | {"refused": f"{name}: {refused[0]}"}
+            change |= {key: max(change[key], value) for key, value in differences(*answers).items()}
             if turn:
                 seconds.append([answer["seconds"] for answer in answers])
         own, others = np.transpose(seconds)
         ratio = min(np.median(others / own), others.min() / own.min(), key=_from_1)
-        found["seconds"] = float(max(found["seconds"], ratio, key=_from_1))
-    return found
+        change["seconds"] = float(max(change["seconds"], ratio, key=_from_1))
+    return change
 
 
 def _from_1(ratio):
+    """How far a ratio is from 1: the absolute value of its logarithm."""
     return abs(math.log(ratio))
 
 
@@ -334,7 +344,7 @@ def verdict(change, chance=SECONDS):
     return ", ".join(words) or ("rounding" if largest > 0.0 else "nothing")
 
 
-def measure(name, pattern, found):
+def measure(name, pattern, measured):
     """Measure the numbers of a table that a pattern fits, into {field: [value, {factor: change}]}."""
     module, values = tables()[name]
     wanted = [field for field in values if re.fullmatch(pattern, field) and scenes_of(name, field)]
@@ -345,10 +355,10 @@ def measure(name, pattern, found):
     anew = any(when_read(module, field) == "kernels" for field in values)
     with tempfile.TemporaryDirectory() as folder:
         same = Variant(module, {}, folder if anew else None)
-        found[UNCHANGED] = ["", {"1": compare(base, same, every, ROUNDS[name], count)}]
+        measured[UNCHANGED] = ["", {"1": compare(base, same, every, ROUNDS[name], count)}]
         same.end()
     for field in wanted:
-        read, found[field] = when_read(module, field), [values[field], {}]
+        read, measured[field] = when_read(module, field), [values[field], {}]
         for factor in (0.5, 2.0):
             change = {field: times(values[field], factor)}
             with tempfile.TemporaryDirectory() as folder:
@@ -356,16 +366,16 @@ def measure(name, pattern, found):
                     variant, other.changes = other, change
                 else:
                     variant = Variant(module, change, folder if read == "kernels" else None)
-                measured = compare(base, variant, scenes_of(name, field), ROUNDS[name], count)
-                if SECONDS < abs(measured["seconds"] - 1.0) < TWICE:  # by chance? then hardly twice
+                moved = compare(base, variant, scenes_of(name, field), ROUNDS[name], count)
+                if SECONDS < abs(moved["seconds"] - 1.0) < TWICE:  # by chance? then hardly twice
                     again = compare(base, variant, scenes_of(name, field), ROUNDS[name], count)
-                    measured = min(measured, again, key=lambda change: _from_1(change["seconds"])) | {"series": 2}
-                found[field][1][f"{factor:g}"] = measured
-                if variant is not other or "refused" in measured:
+                    moved = min(moved, again, key=lambda change: _from_1(change["seconds"])) | {"series": 2}
+                measured[field][1][f"{factor:g}"] = moved
+                if variant is not other or "refused" in moved:
                     variant.end()
-                if variant is other and "refused" in measured:
+                if variant is other and "refused" in moved:
                     other = Variant(module, {})
-            print(change, measured, verdict(measured), flush=True)
+            print(change, moved, verdict(moved), flush=True)
     base.end()
     other.end()
 
@@ -374,7 +384,7 @@ def write(name, measured):
     """Write the section of a table."""
     module, values = tables()[name]
     limits = [field for field in values if not scenes_of(name, field) and field not in measured]
-    gone = [f"`{field}`" for field in measured if field != UNCHANGED and field not in values]
+    moved_out = [f"`{field}`" for field in measured if field != UNCHANGED and field not in values]
     rows, idle, refused = [], [], []
     for field, (value, changes) in measured.items():
         chance = ANEW if field not in values or when_read(module, field) == "kernels" else SECONDS
@@ -395,10 +405,9 @@ def write(name, measured):
             )
             if "refused" in change:
                 refused.append(f"* `{field}` times {factor}: {change['refused']}")
-    of_these = f"In the code where they are used, and no longer in the table: {', '.join(gone)}." if gone else ""
-    of_these = (
-        "They stand in the code where they are used, no longer in the table." if idle and gone == idle else of_these
-    )
+    of_these = f"In the code where they are used, no longer in the table: {', '.join(moved_out)}." if moved_out else ""
+    if idle and moved_out == idle:
+        of_these = "They stand in the code where they are used, no longer in the table."
     head = ["number", "value", "times", "survival", "estimate", "bins", "paths", "seconds", "moves"]
     scenes = sorted({scene for field in measured if field in values for scene in scenes_of(name, field)})
     twice = sum(change.get("series", 1) == 2 for _, changes in measured.values() for change in changes.values())
@@ -438,13 +447,13 @@ def main():
         return
     for name in options.table or tables():
         file = DATA / f"{slug(f'Sensitivity: {name}')}.json"
-        known = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
+        measured = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
         try:
-            measure(name, options.only, known)
+            measure(name, options.only, measured)
         finally:
-            if known:
-                order = {UNCHANGED: None, **tables()[name][1], **known}  # also numbers that have left the table
-                write(name, {field: known[field] for field in order if field in known})
+            if measured:
+                order = {UNCHANGED: None, **tables()[name][1], **measured}  # also numbers that have left the table
+                write(name, {field: measured[field] for field in order if field in measured})
 
 
 if __name__ == "__main__":

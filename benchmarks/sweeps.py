@@ -98,12 +98,14 @@ def clock():
     size = _realizations()
     with contextlib.ExitStack() as stack:
         pool = stack.enter_context(ProcessPoolExecutor(2, multiprocessing.get_context("spawn")))
-        one, two = stack.enter_context(cluster(1)), stack.enter_context(cluster(2))
+        single, double = stack.enter_context(cluster(1)), stack.enter_context(cluster(2))
 
         def swept(workers):
+            """Return a function of a list of scenes: their survivors, by a sweep on workers."""
             return lambda part: _survivors(sweep(part, cycles=CYCLES, realizations=size, workers=workers))
 
         def halves(part):
+            """Survivors of scenes, by two plain loops in processes of their own."""
             numbered = list(enumerate(part))
             futures = [pool.submit(loop, numbered[half::2], size) for half in (0, 1)]
             results = [0] * len(part)
@@ -115,8 +117,8 @@ def clock():
             "sweep in this process": swept(1),
             "two plain loops at once": halves,
             "sweep on the same two processes": swept(pool),
-            "sweep on one Dask worker": swept(one),
-            "sweep on two Dask workers": swept(two),
+            "sweep on one Dask worker": swept(single),
+            "sweep on two Dask workers": swept(double),
         }
         clock, processor = _in_turns(ways)
     names, rounds = list(ways), clock.shape[1]
@@ -129,9 +131,9 @@ def clock():
             f"{names[way]}: {clock[way].sum():.1f} s, {clock[way].sum() / clock[rival].sum():.3f} ({ratio:.3f}) of "
             f"{names[rival]}; of processor time {processor[way].sum() / processor[rival].sum():.3f}"
         )
-    for name, (one, two) in {"plain loops": (0, 2), "Dask workers": (4, 5)}.items():
-        gain = np.median(clock[one] / clock[two])
-        print(f"two {name} over one: {clock[one].sum() / clock[two].sum():.2f} ({gain:.2f})")
+    for name, (single, double) in {"plain loops": (0, 2), "Dask workers": (4, 5)}.items():
+        gain = np.median(clock[single] / clock[double])
+        print(f"two {name} over one: {clock[single].sum() / clock[double].sum():.2f} ({gain:.2f})")
 
 
 def _in_turns(ways):
@@ -159,7 +161,7 @@ def _processor():
     import psutil
 
     own = psutil.Process()
-    return sum(sum(one.cpu_times()[:2]) for one in [own, *own.children(recursive=True)])
+    return sum(sum(process.cpu_times()[:2]) for process in [own, *own.children(recursive=True)])
 
 
 def _realizations():
@@ -171,6 +173,7 @@ def _realizations():
 
 
 def _survivors(result):
+    """Survivors of each scene of a `Sweep`."""
     return [row["values"]["survivors"] for row in result.rows]
 
 

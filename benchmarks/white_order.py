@@ -64,7 +64,6 @@ def survival_and_moments(scene, per_cycle, paths):
     """Return survival and moments of the standing paths, and their standard errors, each (cycles + 1, 5)."""
     sums, squares = np.zeros((2, max(CYCLES) + 1, len(NAMES)))
     run = batches.checked_run(scene, max(CYCLES), paths, per_cycle, "white", STEPS)
-    run = batches.checked_run(scene, max(CYCLES), paths, per_cycle, "white", STEPS)
     with shortest_steps(per_cycle):
         for batch in batches.simulate_batches(run):
             standing = np.isfinite(batch.angle)
@@ -83,6 +82,7 @@ def order(rows):
         return math.nan, math.nan
 
     def law(m, limit, factor, order):
+        """Value at m shortest steps a cycle, by a limit, a factor and an order."""
         return limit + factor * m**-order
 
     guess = values[-1], (values[0] - values[-1]) * m[0], 1.0
@@ -93,7 +93,7 @@ def order(rows):
 def balance_table(paths):
     """Table of the error of the energy balance by shortest step, with the order fitted to each block's."""
     lines = []
-    for (restitution, diffusion), brief in itertools.product(((0.5, 0.01), (0.7, 0.005)), (0.0, white.BRIEF)):
+    for (restitution, diffusion), brief in itertools.product(((0.5, 0.01), (0.7, 0.005)), (0.0, TUNING.bounce_time)):
         steps, fitted = 2.0 ** -np.arange(7, 11), "-"
         balances = [balance(restitution, diffusion, step, paths, brief) for step in steps]
         error, noise = np.array(balances).T

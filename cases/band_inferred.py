@@ -112,7 +112,7 @@ def run(
 def _row(band, realizations, seeds, few_seeds, maps):
     """Return all hints for one band, as plain values."""
     main, late = (load_scene(name).varied(noise={"band": band}) for name in ("main", "fig05"))
-    ensembles = [simulate(one, cycles=200, realizations=realizations) for one in (main, late)]
+    ensembles = [simulate(scene, cycles=200, realizations=realizations) for scene in (main, late)]
     survival = ensembles[0].survival
     cycles = np.where(ensembles[1].overturn_side != 0, ensembles[1].overturn_time / late.period, np.inf)
     passed = float(np.mean(cycles <= LATE))
@@ -148,7 +148,7 @@ def _fates(band, seeds, few_seeds, maps, overturned="clamped"):
         stands[str(deviation)] = [sum(stood for _, stood in maps_of_seeds), count]
         if deviation < 0.1:
             dimensions = [correlation_dimension(points, *LENGTHS) for points, _ in maps_of_seeds]
-            fractal[str(deviation)] = [sum(one >= 1.0 for one in dimensions), count]
+            fractal[str(deviation)] = [sum(dimension >= 1.0 for dimension in dimensions), count]
     return {"mean_stands": stands, "mean_is_fractal": fractal}
 
 
@@ -234,6 +234,7 @@ _TITLES = {
 
 
 def _likelihood(axes, name, rows, ends, joint):
+    """Draw the likelihood of a hint, or of "all", against the ends b of the bands, beside the interval of `_joint`."""
     axes.axvspan(min(joint["within"]), max(joint["within"]), color="#dddddd", zorder=0)
     if name == "all":
         logs = np.array(joint["log_likelihood"])
@@ -263,7 +264,7 @@ def table(values):
         low, high = row["band"]
         chances = (f"{row['likelihood'][name]:.3f}{'' if row['meets'][name] else ' no'}" for name in HINTS)
         survival = row["late_survival"], row["survival"]["60"], row["survival"]["200"]
-        rows.append([f"[{low:g}, {high:g}]", *(f"{one:.4f}" for one in survival), *chances])
+        rows.append([f"[{low:g}, {high:g}]", *(f"{share:.4f}" for share in survival), *chances])
     return tables.text_table(("band", "S(125) of 5(b)", "S(60)", "S(200)", *HINTS), rows)
 
 
@@ -275,8 +276,8 @@ def report(values):
         f"Most likely b: {joint['best']:g}; within the interval: {joint['within']}; meet all: {joint['meets_all']}.",
     ]
     tables.show("Noise bands against the paper's statements", table(values), sentences)
-    for one in values["left_out"]:
-        print(f"Overturned left out of the mean, band {one['band']}: stands {one['mean_stands']}")
+    for row in values["left_out"]:
+        print(f"Overturned left out of the mean, band {row['band']}: stands {row['mean_stands']}")
 
 
 if __name__ == "__main__":

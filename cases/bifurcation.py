@@ -91,6 +91,7 @@ def continued(scene, amplitudes):
 
 
 def _settled(scene, amplitude, start):
+    """Poincaré points (KEPT + 1, 2) after `TRANSIENT` cycles from a start (angle, velocity); (0, 2) if it overturns."""
     angle, velocity = map(float, start)
     begun = scene.varied(forcing={"amplitude": amplitude}, start={"angle": angle, "velocity": velocity})
     block = simulate(begun, cycles=TRANSIENT + KEPT, realizations=1)
@@ -99,7 +100,10 @@ def _settled(scene, amplitude, start):
 
 
 def crisis(scene, cycles):
-    """Bracket the amplitude at which the attractor ends: all blocks stand at the first, not all at the second."""
+    """Two amplitudes at most `WIDTH` apart between which the attractor of a scene without noise ends.
+
+    At the first all of `BLOCKS` blocks stand for so many cycles, at the second not all of them.
+    """
     low, high = BRACKET
     while high - low > WIDTH:
         middle = 0.5 * (low + high)
@@ -108,11 +112,14 @@ def crisis(scene, cycles):
 
 
 def _overturned(scene, amplitude, cycles):
-    """Cycles after which blocks begun on the attractor of the lower end of the bracket overturn, nan for never."""
+    """Cycles (BLOCKS,) after which blocks overturn under an amplitude, nan for those that stand for `cycles`.
+
+    They begin on the attractor of the lower end of `BRACKET`.
+    """
     starts = _settled(scene, BRACKET[0], (0.0, 0.0))[-BLOCKS:]
     pushed = scene.varied(forcing={"amplitude": amplitude})
     begun = (pushed.varied(start={"angle": float(x), "velocity": float(v)}) for x, v in starts)
-    times = [simulate(one, cycles=cycles, realizations=1).overturn_time[0] for one in begun]
+    times = [simulate(scene, cycles=cycles, realizations=1).overturn_time[0] for scene in begun]
     return np.array(times) / scene.period
 
 
@@ -147,6 +154,7 @@ def _stable_up_to(scene):
 
 
 def _draw(path, scene, points, values):
+    """Draw the diagrams of Poincaré points by their names, lists over the amplitudes, and the lifetimes."""
     note = (
         "Every diagram: Poincaré velocities after each of 100 cycles, 300 cycles after the start or the last amplitude."
     )
@@ -168,8 +176,9 @@ def _draw(path, scene, points, values):
 
 
 def _diagram(axes, scene, attractors, values, markersize):
+    """Draw Poincaré velocities of attractors, one list of points (n, 2) an amplitude, and the symmetric orbits."""
     amplitudes = np.array(values["amplitudes"])
-    places, velocity = np.repeat(amplitudes, [len(one) for one in attractors]), np.concatenate(attractors)[:, 1]
+    places, velocity = np.repeat(amplitudes, [len(points) for points in attractors]), np.concatenate(attractors)[:, 1]
     axes.plot(places, velocity, ".", markersize=markersize, color=style.COLOURS[0], rasterized=True)
     for line, orbit in zip(("-", "--"), _symmetric(scene, amplitudes), strict=True):
         axes.plot(amplitudes, orbit, line, color="black", linewidth=1.2)
@@ -200,12 +209,13 @@ def _orbits_named(axes, scene, values):
 
 
 def _beyond(axes, values):
-    lifetimes = [one for one in values["beyond"] if one["overturned"]]
+    """Draw the mean lifetimes beyond the crisis."""
+    lifetimes = [row for row in values["beyond"] if row["overturned"]]
     end = values["crisis"][1]
-    columns = ([one[name] for one in lifetimes] for name in ("cycles", "interval"))
-    style.error_bars(axes, [one["amplitude"] - end for one in lifetimes], *columns, color=style.COLOURS[0])
+    columns = ([row[name] for row in lifetimes] for name in ("cycles", "interval"))
+    style.error_bars(axes, [row["amplitude"] - end for row in lifetimes], *columns, color=style.COLOURS[0])
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
-    axes.set_xticks(BEYOND, [f"{one:g}" for one in BEYOND])
+    axes.set_xticks(BEYOND, [f"{distance:g}" for distance in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)
     axes.set_title(f"(b) Until overturning beyond the crisis\n{BLOCKS} blocks, 95 % intervals")
 
@@ -217,9 +227,9 @@ def report(values):
     low, high = values["crisis_at_twice_the_cutoff"]
     print(f"With twice the cut-off: between {low:.5f} and {high:.5f}")
     print(f"From rest overturned within {TRANSIENT + KEPT} cycles at A = {values['rest_overturns']}")
-    for one in values["beyond"]:
-        mean = one["cycles"] or math.inf
-        print(f"A = {one['amplitude']:.5f}: {one['overturned']} of {BLOCKS} overturned, mean {mean:.3g} cycles")
+    for row in values["beyond"]:
+        mean = row["cycles"] or math.inf
+        print(f"A = {row['amplitude']:.5f}: {row['overturned']} of {BLOCKS} overturned, mean {mean:.3g} cycles")
 
 
 if __name__ == "__main__":

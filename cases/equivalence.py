@@ -109,12 +109,13 @@ def survival_by_diffusion(scene, diffusions, tol):
     for diffusion in diffusions:
         label = f"density, e = {scene.block.restitution:g}, D = {diffusion:.2g}"
         solved.append(_solved(scene.varied(noise=WhiteNoise(diffusion)), max(CYCLES), tol, label))
-    survivals = np.array([np.ones(len(CYCLES)), *(one.survival[list(CYCLES)] for one in solved)])
+    survivals = np.array([np.ones(len(CYCLES)), *(evolution.survival[list(CYCLES)] for evolution in solved)])
     curve = PchipInterpolator(np.log([STILL, *diffusions]), survivals, extrapolate=False)
     return lambda diffusion: curve(np.log(np.clip(diffusion, STILL, diffusions[-1])))
 
 
 def _solved(scene, cycles, tol, label):
+    """Density of a scene, without warnings, its progress shown under a label."""
     # Where weak noise misses the tolerance, it does so by less than realizations can tell.
     with warnings.catch_warnings(), reporting(label) as progress:
         warnings.simplefilter("ignore", RuntimeWarning)
@@ -122,20 +123,24 @@ def _solved(scene, cycles, tol, label):
 
 
 def _row(scene, counted, survival, realizations, seed):
-    """One band and σ, all N: survival sampled, and of the density under equivalent white noise."""
+    """Survival at `CYCLES` for one band and σ, sampled for all N and of the density, as plain values.
+
+    `counted` are band noises that differ in N, `survival` is the function of `survival_by_diffusion`.
+    """
     noise, e = counted[-1], scene.block.restitution
     sampled = [
-        simulate(scene.varied(noise=one), cycles=max(CYCLES), realizations=realizations, seed=seed) for one in counted
+        simulate(scene.varied(noise=band_noise), cycles=max(CYCLES), realizations=realizations, seed=seed)
+        for band_noise in counted
     ]
     diffusion = equivalence.equivalent_diffusion(noise)
     return {
         "band": noise.band,
         "sigma": noise.variance**0.5,
         "relative_variance": equivalence.relative_variance(noise),
-        "spread": [equivalence.realized_spread(one, e) for one in counted],
+        "spread": [equivalence.realized_spread(band_noise, e) for band_noise in counted],
         "diffusion": diffusion,
         "density": survival(diffusion).tolist(),
-        "sampled": [one.survival[list(CYCLES)].tolist() for one in sampled],
+        "sampled": [ensemble.survival[list(CYCLES)].tolist() for ensemble in sampled],
     }
 
 
@@ -224,6 +229,7 @@ def _against_spread(axes, findings):
 
 
 def _budget(axes, budgeted):
+    """Draw the parts of the difference, see `budget`, at each of `CYCLES`."""
     places, height = np.arange(len(PARTS)), 0.8 / len(CYCLES)
     for k, (cycle, colour) in enumerate(zip(CYCLES, style.shades(len(CYCLES)), strict=True)):
         axes.barh(places + height * (k - 1.5), [budgeted[name][k] for name in PARTS], 0.9 * height, color=colour,

@@ -41,10 +41,13 @@ SCALES = tuple(np.geomspace(0.5, 14.0, 16).tolist())
 
 
 def median_of(size, motions) -> dict:
-    """Median peak velocity at which a block overturns, its 95 % limits, and the dispersion."""
-    forcings = [Scene(Block(dimensions=size), motion, NoNoise()) for motion in motions]
+    """Median peak velocity at which a block of a size (m) overturns under motions, its 95 % limits, and the dispersion.
+
+    Velocities are in m/s; `motions` are records, each of which is scaled to all velocities.
+    """
+    scenes = [Scene(Block(dimensions=size), motion, NoNoise()) for motion in motions]
     scale = 0.18 * GRAVITY * size.width / size.height * np.array(SCALES)
-    curves = fragility([at_intensity(one) for one in forcings], scale=scale)
+    curves = fragility([at_intensity(scene) for scene in scenes], scale=scale)
     fit = IntensityCurve.of(curves, samples=400).fit
     return {"median": fit.median, "interval": list(fit.median_interval), "dispersion": fit.dispersion}
 
@@ -88,7 +91,7 @@ def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
 
 
 def seconds_of(block, median):
-    """Median velocity over g B/H, seconds."""
+    """Median velocity (m/s) over g B/H of a block with width and height (m), seconds."""
     return np.asarray(median) * block["height"] / (GRAVITY * block["width"])
 
 
@@ -100,26 +103,26 @@ def draw(path, values):
         f"{values['motions']} synthetic motions of firm ground (nonstationary Kanai-Tajimi), scaled to equal PGV, "
         "without noise; Housner's restitution. Bars: 95 % intervals, of a motion drawn from their population."
     )
-    alike = [one for one in others if math.isclose(one["height"] / one["width"], SLENDER[0], rel_tol=1e-9)]
+    alike = [block for block in others if math.isclose(block["height"] / block["width"], SLENDER[0], rel_tol=1e-9)]
     rise = seconds_of(alike[-1], alike[-1]["median"]) / seconds_of(alike[0], alike[0]["median"])
-    low, high = (0.5 * math.hypot(one["width"], one["height"]) for one in (alike[0], alike[-1]))
+    low, high = (0.5 * math.hypot(block["width"], block["height"]) for block in (alike[0], alike[-1]))
     title = (
         f"FEMA P-58 knows no effect of size; a rigid block of R = {high:.2g} m stands {rise:.1f} times the PGV of one "
         f"of {low:.2g} m"
     )
     with style.page(path, (11.0, 5.4), title, [note]) as figure:
         left, right = figure.subplots(1, 2)
-        ours, limits = [one["median"] for one in same], [one["interval"] for one in same]
+        ours, limits = [block["median"] for block in same], [block["interval"] for block in same]
         style.error_bars(left, values["published"], ours, limits, color=style.COLOURS[0], label="the nine sizes")
         span = np.array([0.2, 4.0])
         left.plot(span, span, color="black", linewidth=0.8, label="equal")
         left.set(title="(a) Median PGV of overturning", xlabel="FEMA P-58, m/s", ylabel="rigid block, m/s")
-        radii = [0.5 * math.hypot(one["width"], one["height"]) for one in same]
-        theirs = [seconds_of(one, median) for one, median in zip(same, values["published"], strict=True)]
+        radii = [0.5 * math.hypot(block["width"], block["height"]) for block in same]
+        theirs = [seconds_of(block, median) for block, median in zip(same, values["published"], strict=True)]
         right.plot(radii, theirs, "s", color="black", markersize=5.0, label="FEMA P-58")
         _sizes(right, same, style.COLOURS[0], "the nine sizes", "o")
         for slender, colour, marker in zip(SLENDER, style.COLOURS[1:], "D^", strict=False):
-            rows = [one for one in others if math.isclose(one["height"] / one["width"], slender, rel_tol=1e-9)]
+            rows = [block for block in others if math.isclose(block["height"] / block["width"], slender, rel_tol=1e-9)]
             _sizes(right, rows, colour, f"height over width {slender:g}", marker, line="-")
         right.set(
             title="(b) Median over g B/H", xlabel="half diagonal R, m", ylabel="median · H / (g B), s", xscale="log"
@@ -143,9 +146,9 @@ def _plain(*lines):
 
 def _sizes(axes, rows, colour, label, marker, line="none"):
     """Draw medians over g B/H of some blocks against their half diagonals."""
-    radii = [0.5 * math.hypot(one["width"], one["height"]) for one in rows]
-    middle = [float(seconds_of(one, one["median"])) for one in rows]
-    limits = [seconds_of(one, one["interval"]) for one in rows]
+    radii = [0.5 * math.hypot(block["width"], block["height"]) for block in rows]
+    middle = [float(seconds_of(block, block["median"])) for block in rows]
+    limits = [seconds_of(block, block["interval"]) for block in rows]
     style.error_bars(axes, radii, middle, limits, color=colour, marker=marker, label=label, linestyle=line)
 
 
@@ -153,11 +156,11 @@ def report(values):
     """Print what the medians over g B/H span."""
     count = len(values["published"])
     same, others = values["blocks"][:count], values["blocks"][count:]
-    theirs = [seconds_of(one, median) for one, median in zip(same, values["published"], strict=True)]
+    theirs = [seconds_of(block, median) for block, median in zip(same, values["published"], strict=True)]
     for name, medians in (
         ("FEMA P-58, nine sizes", theirs),
-        ("rigid block, nine sizes", [seconds_of(one, one["median"]) for one in same]),
-        ("rigid block, other sizes", [seconds_of(one, one["median"]) for one in others]),
+        ("rigid block, nine sizes", [seconds_of(block, block["median"]) for block in same]),
+        ("rigid block, other sizes", [seconds_of(block, block["median"]) for block in others]),
     ):
         print(f"{name}: median over g B/H from {min(medians):.3f} to {max(medians):.3f} s")
 

@@ -109,6 +109,7 @@ def draw(path, values):
 
 
 def _well(axes):
+    """Draw the potential, saddles and cut-off."""
     x = np.linspace(-1.75, 1.75, 701)
     axes.plot(x, potential(x), color=style.COLOURS[0])
     axes.plot([-1.0, 1.0], [0.5, 0.5], "o", color="black", markersize=5)
@@ -120,6 +121,7 @@ def _well(axes):
 
 
 def _portrait(axes, restitution):
+    """Draw orbits without loss, and a path that loses speed at impacts of a restitution."""
     label = "free orbits, e = 1"
     for energy in (*INSIDE, *OUTSIDE):
         x, v = free_orbit(energy)
@@ -155,6 +157,7 @@ def _portrait(axes, restitution):
 
 
 def _orbit(axes):
+    """Draw angle and velocity of the heteroclinic orbit."""
     time = np.linspace(-6.0, 6.0, 601)
     for values, colour, label, line in zip(
         melnikov.heteroclinic_orbit(time), style.COLOURS, ("angle Θ", "velocity dΘ/dτ"), ("-", "--"), strict=False
@@ -168,6 +171,7 @@ def _orbit(axes):
 
 
 def _transform(axes, frequencies, work):
+    """Draw the transform of the velocity, and the values of the quadrature at some frequencies."""
     omega = np.linspace(0.0, 8.0, 401)
     axes.plot(omega, melnikov.transfer(omega), color=style.COLOURS[0], label="2/(1 + ω²), paper (16)")
     points = {"color": style.COLOURS[1], "markerfacecolor": "white", "label": "quadrature over the orbit"}
@@ -178,10 +182,12 @@ def _transform(axes, frequencies, work):
 
 
 def _cutoff(axes, low, high):
+    """Draw the cut-offs as vertical lines between two heights."""
     axes.vlines([-CUTOFF, CUTOFF], low, high, color=style.OVERTURNED, linewidth=0.9, linestyle="--")
 
 
 def _arrow(colour):
+    """Properties of an arrow of a colour."""
     return {"arrowstyle": "-|>", "color": colour, "linewidth": 2.0, "mutation_scale": 18}
 
 

@@ -108,13 +108,14 @@ def draw(path, values):
 
 
 def _paper(axes, omega, noise):
+    """Draw the criteria against the frequencies (n,), without noise and with it, at the restitution `PAPER`."""
     still, noisy = "no noise", f"σ² = {noise.variance:g}"
     for criterion, colour, name in (
         ("peak", style.COLOURS[0], "(14)"),
         ("mean square", style.COLOURS[1], "mean square"),
     ):
-        for one, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
-            amplitude = melnikov.critical_amplitude(omega, PAPER, one, criterion)
+        for curve_noise, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
+            amplitude = melnikov.critical_amplitude(omega, PAPER, curve_noise, criterion)
             width = 2.2 if criterion == "peak" else 1.0
             axes.plot(omega, amplitude, line, color=colour, linewidth=width)
             last = np.flatnonzero(amplitude < _HIGHEST)[-1]
@@ -127,6 +128,7 @@ def _paper(axes, omega, noise):
 
 
 def _others(axes, omega, noise):
+    """Draw criterion (14) against the frequencies (n,) for all restitutions."""
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         still = melnikov.critical_amplitude(omega, e, NoNoise())
         axes.plot(omega, still, color=colour)
@@ -142,6 +144,7 @@ def _others(axes, omega, noise):
 
 
 def _ratio(axes, omega):
+    """Draw criterion (14) without noise over the exact amplitude, against the frequencies (n,)."""
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         amplitude = melnikov.critical_amplitude(omega, e, NoNoise())
         ratio = amplitude / melnikov.exact_critical_amplitude(omega, e)
@@ -153,10 +156,11 @@ def _ratio(axes, omega):
 
 
 def _noisy(axes):
+    """Draw criterion (14) against the variance of the noise, by band."""
     variance, lines = np.linspace(0.0, 1.0, POINTS), (":", "-", "--")
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
         for high, line in zip(BANDS, lines, strict=True):
-            noises = [BandNoise(one, (0.0, high), 100) for one in variance]
+            noises = [BandNoise(strength, (0.0, high), 100) for strength in variance]
             amplitude = melnikov.critical_amplitude(4.0, e, noises)
             axes.plot(variance, _until_zero(amplitude), line, color=colour)
         style.named(axes, f"e = {e:g}", (0.0, amplitude[0]), colour, offset=(-5.0, -3.0), ha="right")
@@ -177,7 +181,7 @@ def report(values):
     print(f"{'':34}" + "".join(f"Ω = {omega:<7g}" for omega in values["frequencies"]))
     for name in ("without_noise", "with_noise", "exact_without_noise"):
         for e, row in zip(values["restitutions"], values[name], strict=True):
-            print(f"{name.replace('_', ' '):24}e = {e:<6g}" + "".join(f"{one:<11.4f}" for one in row))
+            print(f"{name.replace('_', ' '):24}e = {e:<6g}" + "".join(f"{amplitude:<11.4f}" for amplitude in row))
 
 
 if __name__ == "__main__":

@@ -27,8 +27,9 @@ import math
 
 import numpy as np
 from command import command
+from fig03_critical_amplitude import noise_of
 
-from fpk_rocking import BandNoise, Harmonic, NoNoise, load_scene, melnikov
+from fpk_rocking import BandNoise, Harmonic, NoNoise, melnikov
 from fpk_rocking.base import files
 from fpk_rocking.results import style
 
@@ -88,23 +89,18 @@ def run(out, variance=0.16, strata=512, realizations=4000, seed=1) -> dict:
     return values
 
 
-def noise_of(variance):
-    """Return the band noise of the main scene with another variance."""
-    ours = load_scene("main").noise
-    return BandNoise(variance, ours.band, ours.harmonics, ours.remark)
-
-
 def drawn(noise, count, seed):
-    """Frequencies and phases (count, N) of realizations of the noise (paper eq. 4)."""
+    """Frequencies and phases (rad), (count, N) each, of `count` realizations of noise of N harmonics (paper eq. 4)."""
     generator = np.random.default_rng(seed)
     shape = (count, noise.harmonics)
     return generator.uniform(*noise.band, shape), generator.uniform(0.0, 2.0 * math.pi, shape)
 
 
 def process_flux(noise, restitution, realizations, seed):
-    """Mean positive part of sampled processes over the phases and over realizations, and its standard error.
+    """Mean positive part of sampled Melnikov processes of a noise and a restitution, and its standard error.
 
-    The phases are taken from cycles far apart, at which the noise has forgotten itself.
+    The mean is over realizations and over the phases of the forcing `FORCING`, which are taken from cycles far apart,
+    at which the noise has forgotten itself.
     """
     times = FORCING.period * (APART + 1.0 / PHASES) * np.arange(PHASES)
     means = []
@@ -138,6 +134,7 @@ def draw(path, values):
 
 
 def _process(axes, noise, seed):
+    """Draw the Melnikov process of a realization of the noise, and its mean."""
     e = 0.5
     time = np.linspace(0.0, SHOWN_CYCLES * FORCING.period, 1500)
     process = melnikov.sampled_process(FORCING, e, noise, time, *drawn(noise, 1, seed))[0]
@@ -159,7 +156,7 @@ def _sweep(axes, swept, place, noise, name):
     axes.axvline(forcing[place], color="#999999", linewidth=0.8)
     forcing[place] = swept
     for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
-        still, noisy = (melnikov.phase_flux(tuple(forcing), e, one) for one in (NoNoise(), noise))
+        still, noisy = (melnikov.phase_flux(tuple(forcing), e, curve_noise) for curve_noise in (NoNoise(), noise))
         axes.plot(swept, still, color=colour)
         axes.plot(swept, noisy, "--", color=colour)
         # Over the frequency only the curves with noise reach the end. A line of the grid passes through the last name.
@@ -180,6 +177,7 @@ def _sweep(axes, swept, place, noise, name):
 
 
 def _restitution(axes, noise, values):
+    """Draw the flux against the restitution: corrected, as printed, and sampled (`values`)."""
     e = np.linspace(0.0, 1.0, POINTS)
     curves = (
         (melnikov.phase_flux(FORCING, e, NoNoise()), "-", 0, "corrected, σ² = 0"),
@@ -202,10 +200,11 @@ def _restitution(axes, noise, values):
 
 
 def _variance(axes):
+    """Draw the flux against the variance of the noise, by band."""
     variance, lines = np.linspace(0.0, 0.4, POINTS), (":", "-", "--")
     for e, colour in zip(SHOWN, style.COLOURS, strict=False):
         for high, line in zip(BANDS, lines, strict=True):
-            flux = melnikov.phase_flux(FORCING, e, [BandNoise(one, (0.0, high), 100) for one in variance])
+            flux = melnikov.phase_flux(FORCING, e, [BandNoise(strength, (0.0, high), 100) for strength in variance])
             axes.plot(variance, flux, line, color=colour)
             text = f"e = {e:g}, band [0, {high:g}]"
             style.named(axes, text, (variance[-1], flux[-1]), colour, fontsize=9)
@@ -218,8 +217,8 @@ def report(values):
     for row, variance in enumerate(values["variances"]):
         print(f"σ² = {variance:<10g}" + "".join(f"e = {e:<8g}" for e in values["restitutions"]))
         for name in ("corrected", "sampled", "printed_17", "printed_18"):
-            print(f"{name.replace('_', ' '):15}" + "".join(f"{one:<12.6f}" for one in values[name][row]))
-    print(f"{'processes':15}" + "".join(f"{one:<12.6f}" for one in values["processes"]))
+            print(f"{name.replace('_', ' '):15}" + "".join(f"{flux:<12.6f}" for flux in values[name][row]))
+    print(f"{'processes':15}" + "".join(f"{flux:<12.6f}" for flux in values["processes"]))
 
 
 if __name__ == "__main__":

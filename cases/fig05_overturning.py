@@ -98,14 +98,13 @@ def _lateness(ensemble, highest):
         "standing_after_125": beyond / cycles.size,
         "interval": wilson_interval(beyond, cycles.size).tolist(),
         "to_the_right": float(np.mean(ensemble.overturn_side[overturned] > 0)),
-        "quantiles_of_cycles": {
-            str(share): float(one) if np.isfinite(one) else None for share, one in zip(shares, quantiles, strict=True)
-        },
+        "quantiles_of_cycles": files.plain(dict(zip(map(str, shares), quantiles, strict=True))),
         "survival_every_25_cycles": ensemble.survival[::every].tolist(),
     }
 
 
 def _draw(path, quiet, paths, chosen, ensembles, values):
+    """Draw histories without noise and with it (`paths`, of which one is chosen by number), and survival by band."""
     noise, after = paths.scene.noise, values["overturned_after_cycles"]
     notes = [f"(d): {values['realizations']:,} realizations a band, σ² = {noise.variance:g}; the paper states no band."]
     title = (
@@ -128,6 +127,7 @@ def _draw(path, quiet, paths, chosen, ensembles, values):
 
 
 def _points(axes, periodic, paths, chosen):
+    """Draw the Poincaré points of the periodic history and of the chosen path."""
     cutoff = paths.scene.overturning.angle
     angle, velocity = (states[chosen] for states in paths.poincare())
     axes.plot(angle, velocity, "o", markersize=3.5, markerfacecolor="white", color=style.COLOURS[1], label="(b) noise")
@@ -143,6 +143,7 @@ def _points(axes, periodic, paths, chosen):
 
 
 def _standing(axes, ensembles):
+    """Draw survival of ensembles, by the end of their band."""
     for (band, ensemble), colour in zip(ensembles.items(), style.shades(len(BANDS)), strict=True):
         axes.plot(ensemble.survival, color=colour)
         places = np.arange(0, ensemble.cycles + 1, 50)
@@ -160,7 +161,9 @@ def report(values):
     for late in values["late"]:
         low, high = late["interval"]
         chance = f"P(standing after {LATE} cycles) {late['standing_after_125']:.4f} ({low:.4f} to {high:.4f})"
-        quantiles = ", ".join("-" if one is None else f"{one:.1f}" for one in late["quantiles_of_cycles"].values())
+        quantiles = ", ".join(
+            "-" if cycle is None else f"{cycle:.1f}" for cycle in late["quantiles_of_cycles"].values()
+        )
         right = f"{100 * late['to_the_right']:.0f} % to the right"
         print(f"band {late['band']}: {chance}, {right}, 2.5, 25, 50, 75, 97.5 % overturned after {quantiles} cycles")
     print(f"Shown: realization {values['realization']}, {values['overturned_after_cycles']:.1f} cycles")

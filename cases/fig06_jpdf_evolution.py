@@ -102,10 +102,10 @@ def draw(out, cycles, density, band, white, against):
     stand = f"{100.0 * density.survival[max(cycles)]:.2g} % stand after {max(cycles)} cycles"
     title = f"Paper Fig. 6: the density spreads, splits and leaks; {stand}"
     densities.surface_figure(out / "fig06.png", [density, band], cycles, title)
-    ends = " and ".join(f"{100.0 * one.survival[max(cycles)]:.1f} %" for one in (density, band))
+    ends = " and ".join(f"{100.0 * result.survival[max(cycles)]:.1f} %" for result in (density, band))
     title = f"Density and Monte Carlo fill the same states; after {max(cycles)} cycles {ends} stand"
     densities.density_maps(out / "maps.png", [density, band], after_start, title)
-    replaced, solved = (float(abs(one.difference).max()) for one in against)
+    replaced, solved = (float(abs(comparison.difference).max()) for comparison in against)
     title = f"The density meets paths of the same noise to {solved:.4f} in survival, of band noise to {replaced:.3f}"
     curves.survival_figure(out / "survival.png", [density, band, white], title)
 

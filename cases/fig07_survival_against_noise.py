@@ -79,12 +79,12 @@ def run(
     """
     scene = load_scene("main").varied(forcing={"phase": 0.0})
     bands = {band: _ensembles(scene, band, variances, cycles, realizations, seed) for band in BANDS}
-    turned = {name: scene.varied(forcing={"phase": phase}) for name, phase in PHASES.items()}
+    by_phase = {name: scene.varied(forcing={"phase": phase}) for name, phase in PHASES.items()}
     phases = {
-        name: _ensembles(one, OURS, phase_variances, cycles, PHASE_TIMES * realizations, seed)
-        for name, one in turned.items()
+        name: _ensembles(at_phase, OURS, phase_variances, cycles, PHASE_TIMES * realizations, seed)
+        for name, at_phase in by_phase.items()
     }
-    stands = {name: _stands(one.varied(noise=NoNoise()), cycles) for name, one in turned.items()}
+    stands = {name: _stands(at_phase.varied(noise=NoNoise()), cycles) for name, at_phase in by_phase.items()}
     white = [_white(scene, variance, cycles, WHITE_TIMES * realizations, seed) for variance in density_variances]
     densities = [_density(scene.varied(noise={"variance": variance}), cycles, tol) for variance in density_variances]
     values = {
@@ -100,15 +100,15 @@ def run(
             for name, ensembles in phases.items()
         ],
         "stands_without_noise": next(iter(stands.values())),
-        "density": [one | {"variance": v} for v, one in zip(density_variances, densities, strict=True)],
+        "density": [density | {"variance": v} for v, density in zip(density_variances, densities, strict=True)],
         "white": [
             {
                 "variance": variance,
-                "survival": float(one.survival[-1]),
-                "interval": one.survival_interval()[-1].tolist(),
-                "realizations": one.realizations,
+                "survival": float(sample.survival[-1]),
+                "interval": sample.survival_interval()[-1].tolist(),
+                "realizations": sample.realizations,
             }
-            for variance, one in zip(density_variances, white, strict=True)
+            for variance, sample in zip(density_variances, white, strict=True)
         ],
         "remarks": [scene.noise.remark, _REPLACEMENT],
     }
@@ -121,10 +121,10 @@ def _density(scene, cycles, tol):
     """Survival by the one-cycle operator of a scene, with its error estimate."""
     begin = time.perf_counter()
     operator = CycleOperator(scene, tol=tol)
-    outlook = operator.estimate_survival([cycles])
+    estimate = operator.estimate_survival([cycles])
     return {
-        "survival": float(outlook.survival[0]),
-        "error_estimate": float(outlook.error_estimate[0]),
+        "survival": float(estimate.survival[0]),
+        "error_estimate": float(estimate.error_estimate[0]),
         "escape_rate": operator.escape_rate,
         "negative_mass": operator.negative_mass,
         "wall_s": time.perf_counter() - begin,
@@ -137,11 +137,13 @@ def _stands(scene, cycles):
 
 
 def _ensembles(scene, band, variances, cycles, realizations, seed):
+    """Ensembles of a scene with band noise up to a frequency, one a variance."""
     scenes = [scene.varied(noise={"variance": variance, "band": (0.0, band)}) for variance in variances]
-    return [simulate(one, cycles=cycles, realizations=realizations, seed=seed) for one in scenes]
+    return [simulate(noisy, cycles=cycles, realizations=realizations, seed=seed) for noisy in scenes]
 
 
 def _white(scene, variance, cycles, realizations, seed):
+    """Tally of a scene with the white noise that stands for band noise of a variance."""
     noisy = scene.varied(noise={"variance": variance}).white_equivalent()
     everywhere = {"angle_edges": [-2.0, 2.0], "velocity_edges": [-20.0, 20.0]}
     return tally(noisy, cycles=cycles, realizations=realizations, seed=seed, **everywhere)
@@ -150,15 +152,17 @@ def _white(scene, variance, cycles, realizations, seed):
 def _plain(ensembles):
     """Survival after the last cycle, its interval, and the share of the right among the overturned, one a variance."""
     return {
-        "survival": [float(one.survival[-1]) for one in ensembles],
-        "interval": [one.survival_interval()[-1].tolist() for one in ensembles],
-        "to_the_right": [float(one.overturned[-1, 1] / max(one.overturned[-1].sum(), 1e-300)) for one in ensembles],
+        "survival": [float(ensemble.survival[-1]) for ensemble in ensembles],
+        "interval": [ensemble.survival_interval()[-1].tolist() for ensemble in ensembles],
+        "to_the_right": [
+            float(ensemble.overturned[-1, 1] / max(ensemble.overturned[-1].sum(), 1e-300)) for ensemble in ensembles
+        ],
     }
 
 
 def draw(path, values):
     """Draw what the JSON file holds."""
-    count, ours = values["realizations"], next(one for one in values["bands"] if one["band"][1] == OURS)
+    count, ours = values["realizations"], next(row for row in values["bands"] if row["band"][1] == OURS)
     half = np.interp(0.5, ours["survival"][::-1], np.sqrt(values["variances"])[::-1])
     last, end = (values["density"][-1][name] for name in ("variance", "survival"))
     title = (
@@ -176,13 +180,13 @@ def draw(path, values):
         both.set_title("(a) The paper's figure, and the density; symbols as in (b)")
         tail.set(title="(b) The same to the paper's last σ, logarithmic", yscale="log", ylim=(1e-10, 3.0))
         tail.legend(fontsize=9, loc="lower left")
-        rows = {f"band [0, {one['band'][1]:g}]": one for one in reversed(values["bands"])}
+        rows = {f"band [0, {row['band'][1]:g}]": row for row in reversed(values["bands"])}
         looks = (
             {"color": colour, "marker": marker} for colour, marker in zip(style.shades(3)[::-1], "Dso", strict=True)
         )
         _several(bands, values["variances"], rows, looks)
         bands.set_title("(c) Band noise, three bands")
-        _several(phases, values["phase_variances"], {_phase_label(one): one for one in values["phases"]}, _PHASE_LOOKS)
+        _several(phases, values["phase_variances"], {_phase_label(row): row for row in values["phases"]}, _PHASE_LOOKS)
         phases.set_title("(d) Three phases Ψ of the forcing")
         for axes in (both, tail, bands, phases):
             axes.set(xlabel=_DEVIATION, ylabel="P(not overturned)", xlim=(-0.004, 0.21))
@@ -192,21 +196,23 @@ def draw(path, values):
             axes.set_xlim(-0.002, 0.118)
 
 
-def _phase_label(one):
-    return f"Ψ = {one['phase']}" + ("" if one["stands_without_noise"] else ": overturns without noise too")
+def _phase_label(row):
+    """Label of a row of `phases`."""
+    return f"Ψ = {row['phase']}" + ("" if row["stands_without_noise"] else ": overturns without noise too")
 
 
 def _both(axes, values, limits=False):
-    ours = next(one for one in values["bands"] if one["band"][1] == OURS)
+    """Draw survival of paths and densities against σ, with upper limits where no path stands if `limits`."""
+    ours = next(row for row in values["bands"] if row["band"][1] == OURS)
     look = {"color": style.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
     _limited(axes, values["variances"], ours["survival"], ours["interval"], look, limits)
     white, densities = values["white"], values["density"]
-    columns = ([one[name] for one in white] for name in ("variance", "survival", "interval"))
+    columns = ([row[name] for row in white] for name in ("variance", "survival", "interval"))
     label = f"white noise, {white[0]['realizations']:,} realizations"
     _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label}, limits)
     if limits:
         axes.plot([], [], "v", color="#777777", markersize=5, label="no realization stands: 95 % upper limit")
-    columns = ([one[name] for one in densities] for name in ("variance", "survival"))
+    columns = ([row[name] for row in densities] for name in ("variance", "survival"))
     look = {"marker": "D", "markersize": 8.0, "markerfacecolor": "none", "linestyle": "none"}
     variances, survival = columns
     axes.plot(np.sqrt(variances), survival, color=style.COLOURS[0], label="Fokker-Planck density, white noise", **look)
@@ -223,6 +229,7 @@ def _limited(axes, variances, survival, interval, look, limits):
 
 
 def _several(axes, variances, rows, looks):
+    """Draw survival of rows, by their labels, against σ, each with a look."""
     for (label, columns), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
         style.error_bars(axes, np.sqrt(variances), columns["survival"], columns["interval"], **(shape | look))
@@ -232,14 +239,16 @@ def _several(axes, variances, rows, looks):
 def report(values):
     """Print the survival."""
     for row, variance in enumerate(values["variances"]):
-        bands = "".join(f"   [0, {one['band'][1]:g}] {one['survival'][row]:.3f}" for one in values["bands"])
+        bands = "".join(f"   [0, {curve['band'][1]:g}] {curve['survival'][row]:.3f}" for curve in values["bands"])
         print(f"σ² = {variance:<8g}{bands}")
-    for one, white in zip(values["density"], values["white"], strict=True):
+    for density, white in zip(values["density"], values["white"], strict=True):
         beside = f"white Monte Carlo {white['survival']:.3g} ({white['interval'][0]:.3g} to {white['interval'][1]:.3g})"
-        print(f"σ² = {one['variance']:<8g}   density {one['survival']:.3g} ({one['wall_s']:.1f} s), {beside}")
-    for one in values["phases"]:
-        right = f"{100 * one['to_the_right'][-1]:.0f} % of the overturned to the right"
-        print(f"Ψ = {one['phase']}: S {np.round(one['survival'], 4)}, {right} at the last σ²")
+        print(
+            f"σ² = {density['variance']:<8g}   density {density['survival']:.3g} ({density['wall_s']:.1f} s), {beside}"
+        )
+    for row in values["phases"]:
+        right = f"{100 * row['to_the_right'][-1]:.0f} % of the overturned to the right"
+        print(f"Ψ = {row['phase']}: S {np.round(row['survival'], 4)}, {right} at the last σ²")
     print(f"Without noise: {'bounded' if values['stands_without_noise'] else 'overturned'}")
 
 

@@ -65,7 +65,7 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
     sampled = {"cycles": cycles, "realizations": realizations}
     maps = [restarted_poincare_map(noisy, seed=seed, **sampled) for seed in range(1, seeds + 1)]
     mean = mean_poincare_map(free, "left out")
-    settled = [one.points[SETTLED + 1 :] for one in maps]
+    settled = [mean_map.points[SETTLED + 1 :] for mean_map in maps]
     values = {
         "figure": "Fig. 8 of Lin and Yim, J. Eng. Mech. 122(8), 1996",
         "scene": noisy.to_toml(),
@@ -75,7 +75,7 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
         "realization": chosen,
         "overturned_after_cycles": float(free.overturn_time[chosen] / scene.period),
         "standing_after_shown_cycles": float(free.survival[-1]),
-        "mean_overturned_after": [one.overturned_after for one in maps],
+        "mean_overturned_after": [mean_map.overturned_after for mean_map in maps],
         "without_noise": _spread(attractor) | dimensions_of(np.split(attractor, seeds)),
         "restarted": _spread(np.concatenate(settled)) | dimensions_of(settled),
         "restarted_standard_error": maps[0].standard_error[1:].mean(axis=0).tolist(),
@@ -109,6 +109,7 @@ def dimensions_of(samples):
 
 
 def _draw(path, attractor, free, mapped, mean, values):
+    """Draw a realization of the free ensemble, the restarted map, the attractor (n, 2), and the free mean map."""
     noise = free.scene.noise
     notes = [f"Noise of σ² = {noise.variance:g} on [{noise.band[0]:g}, {noise.band[1]:g}], which is inferred."]
     dimensions = (values[name]["dimension"] for name in ("restarted", "without_noise"))
@@ -135,6 +136,7 @@ def _draw(path, attractor, free, mapped, mean, values):
 
 
 def _cycle_by_cycle(axes, free, values):
+    """Draw the Poincaré angles of the chosen realization against the cycle."""
     chosen, cutoff = values["realization"], free.scene.overturning.angle
     angle = free.angle[chosen]
     axes.plot(angle, "o-", markersize=2.5, linewidth=0.6, color=style.COLOURS[0])
@@ -150,6 +152,7 @@ def _cycle_by_cycle(axes, free, values):
 
 
 def _free_mean(axes, mean):
+    """Draw a mean map of a free ensemble against the cycle, with intervals."""
     for k, (name, colour) in enumerate(zip(("angle", "velocity"), style.COLOURS, strict=False)):
         means, error = mean.points[: FREE_CYCLES + 1, k], 1.96 * mean.standard_error[: FREE_CYCLES + 1, k]
         axes.errorbar(np.arange(FREE_CYCLES + 1), means, error, marker="o", markersize=3, linewidth=0.8, color=colour)
@@ -161,9 +164,9 @@ def _free_mean(axes, mean):
 def report(values):
     """Print what became of the maps."""
     for name in ("without_noise", "restarted"):
-        one = values[name]
-        dimension = f"{one['dimension']:.3f} ± {one['deviation_of_dimension']:.3f}"
-        print(f"{name.replace('_', ' ')}: dimension {dimension}, deviation {np.round(one['deviation'], 3)}")
+        figures = values[name]
+        dimension = f"{figures['dimension']:.3f} ± {figures['deviation_of_dimension']:.3f}"
+        print(f"{name.replace('_', ' ')}: dimension {dimension}, deviation {np.round(figures['deviation'], 3)}")
     print(
         f"Shown: realization {values['realization']}, overturned after {values['overturned_after_cycles']:.1f} cycles"
     )

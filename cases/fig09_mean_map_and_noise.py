@@ -75,7 +75,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         "maps": [_judged(deviation, maps_of_seeds, cycles) for deviation, maps_of_seeds in maps.items()],
         "remarks": [scene.noise.remark],
     }
-    _draw(out / "fig09.png", attractor, [maps[one][0] for one in paper[1:]], paper, values)
+    _draw(out / "fig09.png", attractor, [maps[deviation][0] for deviation in paper[1:]], paper, values)
     files.write_json(out / "fig09.json", values)
     return values
 
@@ -98,14 +98,15 @@ def _judged(deviation, maps, cycles):
 
 
 def _draw(path, attractor, mean_maps, paper, values):
+    """Draw the mean maps of the σ of `paper` over the attractor (n, 2), and the curves over all σ."""
     size = f"Means of {values['realizations']:,} realizations, {values['cycles']} cycles"
     note = (
         f"{size}, noise on [0, 10], which is inferred. Grey: without noise. Cross: overturned, at the cut-off. "
         f"(a) to (f): seed 1; (g), (h): {values['seeds']} seeds, filled at the σ of (a) to (f); triangles: the "
         "mean does not overturn."
     )
-    fractal = max((one["deviation"] for one in values["maps"] if (one["dimension"] or 0.0) > 1.0), default=0.0)
-    falls = min((one["deviation"] for one in values["maps"] if any(one["overturned_after"])), default=np.inf)
+    fractal = max((row["deviation"] for row in values["maps"] if (row["dimension"] or 0.0) > 1.0), default=0.0)
+    falls = min((row["deviation"] for row in values["maps"] if any(row["overturned_after"])), default=np.inf)
     title = f"Paper Fig. 9: the mean map is fractal up to σ = {fractal:g}; from σ = {falls:g} on the mean can overturn"
     with style.page(path, (10.5, 11.4), title, [note]) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
@@ -136,8 +137,9 @@ def _panel(letter, deviation, mean_map):
 
 
 def _dimension_panel(axes, paper, values):
-    some = [one for one in values["maps"] if one["dimension"] is not None]
-    columns = ([one[name] for one in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
+    """Draw the correlation dimension against σ."""
+    some = [row for row in values["maps"] if row["dimension"] is not None]
+    columns = ([row[name] for row in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
     x, y, error = map(np.array, columns)
     shape = {"marker": "o", "markersize": 4, "linestyle": "none", "color": style.COLOURS[0]}
     for chosen, face in _by_paper(x, paper):
@@ -153,8 +155,9 @@ def _dimension_panel(axes, paper, values):
 
 
 def _ended_panel(axes, paper, values):
+    """Draw the cycles until the mean overturns against σ."""
     last = values["cycles"]
-    pairs = [(one["deviation"], after) for one in values["maps"] for after in one["overturned_after"]]
+    pairs = [(row["deviation"], after) for row in values["maps"] for after in row["overturned_after"]]
     ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)
     standing = np.array(sorted({deviation for deviation, after in pairs if not after}))
     look = {"color": style.COLOURS[0], "linestyle": "none"}
@@ -162,10 +165,10 @@ def _ended_panel(axes, paper, values):
         axes.plot(*ended[chosen].T, "o", markersize=4, markerfacecolor=face, **look)
     for chosen, face in _by_paper(standing, paper):
         axes.plot(standing[chosen], np.full(chosen.sum(), last), "^", markersize=5, markerfacecolor=face, **look)
-    for one in values["maps"]:
-        fallen = sum(after is not None for after in one["overturned_after"])
-        if one["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
-            axes.annotate(f"{fallen}", (one["deviation"], 2.2 * last), ha="center", fontsize=9)
+    for row in values["maps"]:
+        fallen = sum(after is not None for after in row["overturned_after"])
+        if row["deviation"] in (0.05, 0.06, *[d for d in paper if d > 0.1], 0.125, 0.115):
+            axes.annotate(f"{fallen}", (row["deviation"], 2.2 * last), ha="center", fontsize=9)
     axes.annotate(f"of {values['seeds']} seeds:", (0.045, 2.2 * last), ha="right", fontsize=9)
     axes.set(yscale="log", ylim=(5, 3.5 * last), xlim=(-0.005, 0.168), xlabel=_DEVIATION)
     axes.set(ylabel="forcing cycles until the mean overturns")
@@ -181,9 +184,9 @@ def _by_paper(deviations, paper):
 def report(values):
     """Print dimensions and fates."""
     rows = [{"deviation": 0.0, "overturned_after": [], **values["without_noise"]}, *values["maps"]]
-    for one in rows:
-        dimension = "-" if one["dimension"] is None else f"{one['dimension']:.3f} ± {one['deviation_of_dimension']:.3f}"
-        print(f"σ = {one['deviation']:<6g} dimension {dimension}, overturned after {one['overturned_after']}")
+    for row in rows:
+        dimension = "-" if row["dimension"] is None else f"{row['dimension']:.3f} ± {row['deviation_of_dimension']:.3f}"
+        print(f"σ = {row['deviation']:<6g} dimension {dimension}, overturned after {row['overturned_after']}")
 
 
 if __name__ == "__main__":

@@ -86,12 +86,15 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
 
 
 def _counted(scene, sampled):
-    """Tally of one large bin: first passages are all that is wanted."""
+    """Tally of a scene with one large bin, as only first passages are used; `sampled`: cycles, realizations, seed."""
     return tally(scene, angle_edges=[-2.0, 2.0], velocity_edges=[-20.0, 20.0], **sampled)
 
 
 def _row(density, band, white):
-    """Overturned in each cycle by all three, as plain values; z in standard errors of the sample."""
+    """Probability of overturning in each cycle by the density and by tallies of band and white noise, as plain values.
+
+    z is the difference of a tally from the density in standard errors of the tally, in cycles with 10 or more paths.
+    """
     expected = np.diff(density.overturned.sum(axis=1))
     row = {"density": expected.tolist(), "error_estimate": float(density.error_estimate)}
     for name, sample in (("band", band), ("white", white)):
@@ -132,6 +135,7 @@ def draw(path, values):
 
 
 def _early(axes, values):
+    """Draw the density of the time of overturning in the first cycles, left and right."""
     scene = Scene.from_toml(values["scene"])
     early, trials = np.array(values["early"]), values["realizations"]
     width = scene.period / PARTS
@@ -156,6 +160,7 @@ def _early(axes, values):
 
 
 def _cycles(axes, values):
+    """Draw the probability of overturning in each cycle, of paths and of the density, by variance."""
     cycles = np.arange(1, values["cycles"] + 1)
     for row, colour, marker in zip(values["noise"], style.COLOURS, "osD", strict=False):
         label = f"σ² = {row['variance']:g}"

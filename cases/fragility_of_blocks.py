@@ -42,7 +42,7 @@ ENGINES = "white", "density", "exact"
 
 
 def scene_of(width, height):
-    """Return the scene of a block, at scale 1."""
+    """Return the scene of a block of a width and height (m) under the strong part of the record, at scale 1."""
     record = Record.from_file(MOTION)
     first, last = (round(time / record.interval) for time in (BEGIN, END))
     strong = dataclasses.replace(record, samples=record.samples[first : last + 1])
@@ -140,6 +140,7 @@ def draw(path, values):
 
 
 def _realizations(blocks):
+    """Return the number of paths behind a point."""
     return next(iter(blocks.values()))["white"]["realizations"]
 
 
@@ -149,6 +150,7 @@ def _cost(block):
 
 
 def _curves(axes, block):
+    """Draw P(overturned) of a block against the scale, by engine."""
     density = block["density"]
     label = "density, white noise (at the crosses)"
     axes.plot(density["scale"], density["overturned"][0], "x-", color=style.COLOURS[1], linewidth=1.0, label=label)

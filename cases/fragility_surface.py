@@ -96,6 +96,7 @@ def draw(path, values):
 
 
 def _over_scale(axes, curves):
+    """Draw P(overturned) over the scale and the size or shape, from a summary of curves."""
     draw_map(axes, curves["scale"], curves["place"], curves["overturned"])
     axes.set(xlabel="scale of the shaking", ylabel=NAMES[curves["axis"]])
 

@@ -72,8 +72,8 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
         "realizations": realizations,
         "variances": list(variances),
         "restitutions": list(restitutions),
-        "over_noise": [{"band": [0.0, band]} | _held(scenes, sampled) for band, scenes in noises.items()],
-        "over_restitution": _held(blocks, sampled),
+        "over_noise": [{"band": [0.0, band]} | _compared(scenes, sampled) for band, scenes in noises.items()],
+        "over_restitution": _compared(blocks, sampled),
         "remarks": [scene.noise.remark],
     }
     draw(out / "flux.png", values)
@@ -81,18 +81,24 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
     return values
 
 
-def _held(scenes, sampled):
-    """Measured rates per cycle and ΦT of scenes, their ratio, and Kendall's rank correlation."""
-    rates = [overturning_rate(simulate(scene, **sampled), FORGOTTEN) for scene in scenes]
-    flux = [melnikov.phase_flux(one.forcing, one.block.restitution, one.noise) * one.period for one in scenes]
-    measured = [one.rate for one in rates]
+def _compared(scenes, sampled):
+    """Measured rates per cycle and ΦT of scenes, their ratio, and Kendall's rank correlation.
+
+    `sampled` has the keywords of `simulate`: cycles, realizations, seed.
+    """
+    measured = [overturning_rate(simulate(scene, **sampled), FORGOTTEN) for scene in scenes]
+    rates = [overturning.rate for overturning in measured]
+    fluxes = [
+        float(melnikov.phase_flux(scene.forcing, scene.block.restitution, scene.noise) * scene.period)
+        for scene in scenes
+    ]
     return {
-        "flux_per_cycle": [float(one) for one in flux],
-        "rate": measured,
-        "interval": [one.interval.tolist() for one in rates],
-        "count": [one.count for one in rates],
-        "flux_over_rate": [float(one / rate) if rate else None for one, rate in zip(flux, measured, strict=True)],
-        "kendall": float(stats.kendalltau(flux, measured).statistic),
+        "flux_per_cycle": fluxes,
+        "rate": rates,
+        "interval": [overturning.interval.tolist() for overturning in measured],
+        "count": [overturning.count for overturning in measured],
+        "flux_over_rate": [flux / rate if rate else None for flux, rate in zip(fluxes, rates, strict=True)],
+        "kendall": float(stats.kendalltau(fluxes, rates).statistic),
     }
 
 
@@ -134,6 +140,7 @@ def draw(path, values):
 
 
 def _pair(axes, places, study, colour, marker):
+    """Draw ΦT and the measured rate of a study, see `_compared`, against its places."""
     axes.plot(places, study["flux_per_cycle"], "-", color="black", linewidth=0.8)
     rate, limits = np.array(study["rate"]), np.array(study["interval"])
     some = rate > 0.0
@@ -142,7 +149,7 @@ def _pair(axes, places, study, colour, marker):
 
 def report(values):
     """Print how far the flux is off."""
-    studies = [("σ²", values["variances"], f"band {one['band']}", one) for one in values["over_noise"]]
+    studies = [("σ²", values["variances"], f"band {study['band']}", study) for study in values["over_noise"]]
     studies.append(("e", values["restitutions"], "σ² = 0.04", values["over_restitution"]))
     for name, places, title, study in studies:
         print(f"{title}: Kendall's τ {study['kendall']:+.2f}")

@@ -80,7 +80,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
 
 
 def _split(scene, walkers, seed):
-    """Rate of overturning per cycle between two cycles, and its standard error over the repeats."""
+    """Rate of overturning per cycle of a scene between the cycles `BETWEEN`, and its standard error over repeats."""
     splitting = split(scene, cycles=BETWEEN[1], walkers=walkers, repeats=REPEATS, seed=seed)
     before, after = (splitting.repeat_probability[:, cycle] for cycle in BETWEEN)
     rates = (after - before) / np.diff(BETWEEN)
@@ -99,7 +99,7 @@ def draw(path, values):
         f"{100 * math.e * values['tol']:.1f} %; two standard errors of the splitting, {REPEATS} repeats."
     )
     title = (
-        f"Two methods agree on escape rates down to {min(one['rate'] for one in sampled):.0e} a cycle; the operator "
+        f"Two methods agree on escape rates down to {min(row['rate'] for row in sampled):.0e} a cycle; the operator "
         f"reaches {min(row['escape_rate'] for row in rows):.0e}"
     )
     with style.page(path, (11.0, 5.6), title, [note]) as figure:
@@ -109,7 +109,7 @@ def draw(path, values):
         inverse = [1.0 / row["diffusion"] for row in rows]
         look = {"marker": "o", "color": style.COLOURS[0], "capsize": 2}
         left.errorbar(inverse, rate, error, **look, label="one-cycle operator")
-        columns = [[one[name] for one in sampled] for name in ("diffusion", "rate", "standard_error")]
+        columns = [[row[name] for row in sampled] for name in ("diffusion", "rate", "standard_error")]
         columns = 1.0 / np.array(columns[0]), columns[1], 2.0 * np.array(columns[2])
         look = {"fmt": "s", "markersize": 9, "color": style.COLOURS[1], "markerfacecolor": "none", "capsize": 2}
         left.errorbar(*columns, **look, label="multilevel splitting")
@@ -139,9 +139,9 @@ def report(values):
         meshes = ", ".join(f"{rate:.3g} ({unknowns:,})" for unknowns, rate in row["refinement"])
         print(f"D = {row['diffusion']:<7g} rate {row['escape_rate']:.4g} ± {100 * row['escape_error']:.1f} % "
               f"({row['wall_s']:.0f} s); meshes {meshes}")  # fmt: skip
-    for one in values["splitting"]:
-        rate = f"{one['rate']:.3g} ± {one['standard_error']:.1g}"
-        print(f"D = {one['diffusion']:<7g} splitting {rate} ({one['wall_s']:.0f} s)")
+    for row in values["splitting"]:
+        rate = f"{row['rate']:.3g} ± {row['standard_error']:.1g}"
+        print(f"D = {row['diffusion']:<7g} splitting {rate} ({row['wall_s']:.0f} s)")
 
 
 if __name__ == "__main__":

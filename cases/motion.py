@@ -103,6 +103,7 @@ def history_panel(axes, histories, r, impacts=True):
 
 
 def _points(axes, ensemble):
+    """Draw the Poincaré points of an ensemble after its last cycle."""
     angle, velocity = ensemble.angle[:, -1], ensemble.velocity[:, -1]
     standing = np.count_nonzero(np.isfinite(angle))
     axes.plot(angle, velocity, ".", markersize=1.5, color=style.COLOURS[0], alpha=0.5, rasterized=True)
@@ -119,6 +120,7 @@ def _means(axes, maps, column):
 
 
 def _bars(axes, histogram, title, label):
+    """Draw a `Histogram` with its intervals."""
     middles = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
     axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
     style.error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")

@@ -57,7 +57,7 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
     operator = CycleOperator(scene, tol=tol)
     quiet = simulate(scene.varied(noise=NoNoise()), cycles=points + FORGOTTEN, realizations=1)
     ensemble = simulate(scene.white_equivalent(), cycles=cycles, realizations=realizations, seed=seed)
-    outlook, long = operator.estimate_survival(range(201)), operator.estimate_survival(LONG)
+    estimate, long = operator.estimate_survival(range(201)), operator.estimate_survival(LONG)
     values = {
         "scene": scene.to_toml(),
         "escape_rate": operator.escape_rate,
@@ -66,17 +66,18 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
         "forgetting_cycles": operator.forgetting_cycles,
         "leakage": operator.leakage.tolist(),
         "negative_mass": operator.negative_mass,
-        "eigenvalues": [[one.real, one.imag] for one in operator.eigenvalues],
+        "eigenvalues": [[eigenvalue.real, eigenvalue.imag] for eigenvalue in operator.eigenvalues],
         "survival": {str(k): [s, e] for k, s, e in zip(LONG, long.survival, long.error_estimate, strict=True)},
         "noise_replacement": operator.noise_replacement,
     }
-    _draw(out / "attractor.png", operator, quiet, ensemble, outlook)
+    _draw(out / "attractor.png", operator, quiet, ensemble, estimate)
     write_function(out / "attractor.vtu", operator.quasi_stationary, "density")
     files.write_json(out / "attractor.json", values)
     return values
 
 
-def _draw(path, operator, quiet, ensemble, outlook):
+def _draw(path, operator, quiet, ensemble, estimate):
+    """Draw the attractor without noise, the leading mode, the eigenvalues, and survival by modes and by paths."""
     leading = operator.eigenvalues[0].real
     title = f"Noise blurs the attractor, and {100.0 * (1.0 - leading):.1f} % of the blocks on it overturn in each cycle"
     note = (
@@ -108,7 +109,7 @@ def _draw(path, operator, quiet, ensemble, outlook):
             ylabel="imaginary part",
             aspect="equal",
         )
-        fourth.plot(outlook.cycles, outlook.survival, color=style.COLOURS[0], label="one-cycle operator")
+        fourth.plot(estimate.cycles, estimate.survival, color=style.COLOURS[0], label="one-cycle operator")
         rows = np.arange(5, ensemble.cycles + 1, 5)
         interval = ensemble.survival_interval()[rows]
         look = {"color": style.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}

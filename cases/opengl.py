@@ -74,6 +74,7 @@ def probe_rendering(timeout_s=60.0) -> Rendering:
 
 
 def _reason(done, missing) -> str:
+    """Why the probe, a finished process, rendered nothing, in one line; `missing` are the libraries that lack."""
     if "No module named 'pyvista'" in done.stderr:
         return "pyvista is not installed (pip install 'fpk-rocking[view]')"
     ended = f"exit status {done.returncode}"

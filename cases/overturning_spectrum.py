@@ -35,7 +35,11 @@ STANDS = -1
 
 
 def impacts_before(amplitude, frequency, critical_angle=0.0, restitution=RESTITUTION):
-    """Impacts before overturning, at most 2: 0 is mode 2 of Zhang and Makris, 1 their mode 1; STANDS if it stands."""
+    """Impacts before overturning under a one-sine pulse, at most 2; STANDS where the block does not overturn.
+
+    0 is mode 2 of Zhang and Makris, 1 their mode 1. Amplitude and frequency of the pulse are nondimensional, the
+    critical angle is in radians (0: a slender block).
+    """
     pulse = Pulse("one-sine", float(amplitude), float(frequency))
     scene = Scene(Block(restitution, critical_angle=critical_angle), pulse, NoNoise(), overturning=Overturning(FAR))
     run = histories(scene, times=[pulse.duration + FREE])
@@ -43,7 +47,10 @@ def impacts_before(amplitude, frequency, critical_angle=0.0, restitution=RESTITU
 
 
 def least(modes, amplitudes, wanted, refine):
-    """Least amplitude that overturns after one of the wanted numbers of impacts, by bisection; nan for none."""
+    """Least amplitude that overturns after one of the numbers of impacts in `wanted`, by bisection; nan for none.
+
+    `modes` has the impacts at ascending `amplitudes`; `refine` is the function of an amplitude that counts them.
+    """
     hits = np.flatnonzero(np.isin(modes, wanted))
     if not hits.size:
         return np.nan
@@ -102,8 +109,8 @@ def draw(path, frequencies, amplitudes, modes, bounds, exact):
             title="(b) Without impact (lines), with impacts (dots)", ylabel="least amplitude, exact over slender"
         )
         ratios.legend(loc="lower left")
-        for one in (axes, ratios):
-            one.set_xlabel("frequency of the pulse Ω = ω / p")
+        for panel in (axes, ratios):
+            panel.set_xlabel("frequency of the pulse Ω = ω / p")
 
 
 def run(out) -> dict:

@@ -61,7 +61,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     scene = load_scene("rest")
     filtered = scene.filtered_equivalent()
     values = {"scene": scene.to_toml(), "filtered": filtered.to_toml(), "realizations": realizations}
-    values["sampled"] = {name: _sampled(one, cycles, realizations, seed) for name, one in _noises(scene, filtered)}
+    values["sampled"] = {name: _sampled(noisy, cycles, realizations, seed) for name, noisy in _noises(scene, filtered)}
     values["solved"] = {replacement: _solved(scene, cycles, tol, replacement) for replacement in ("filtered", "white")}
     values["inside"] = look_inside(filtered, resolution)
     draw(out / "rest.png", values)
@@ -70,15 +70,18 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
 
 
 def _noises(scene, filtered):
+    """Names of the noises whose paths are shown, and their scenes."""
     return ("band", scene), ("low-pass", filtered)
 
 
 def _sampled(scene, cycles, realizations, seed):
+    """Survival and share at rest by cycle, by paths."""
     ensemble = simulate(scene, cycles=cycles, realizations=realizations, seed=seed)
     return {"survival": ensemble.survival.tolist(), "at_rest": ensemble.at_rest.tolist()}
 
 
 def _solved(scene, cycles, tol, replacement):
+    """Survival and probability at rest by cycle, by the density with a replacement of the noise."""
     with warnings.catch_warnings():  # the probability at rest is looked at here, not the bins
         warnings.simplefilter("ignore", RuntimeWarning)
         evolution = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=math.inf, noise_replacement=replacement)
@@ -135,6 +138,7 @@ def draw(path, values):
 
 
 def _by_cycle(axes, values, name):
+    """Draw a quantity ("survival" or "at_rest") by cycle."""
     for (noise, result), colour, marker in zip(values["sampled"].items(), style.COLOURS, "os", strict=False):
         axes.plot(result[name], marker, color=colour, markersize=5, label=f"{noise} noise, Monte Carlo")
     axes.plot(values["solved"]["filtered"][name], color=style.COLOURS[1], label="low-pass noise, density")
@@ -145,6 +149,7 @@ def _by_cycle(axes, values, name):
 
 
 def _over_cycle(figure, axes, inside, most):
+    """Draw the probability of rest over time and noise, up to a largest noise."""
     image = axes.pcolormesh(
         inside["times"], inside["noise"], np.array(inside["resting"]).T, vmin=0.0, vmax=1.0, cmap="GnBu"
     )

@@ -73,16 +73,16 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
         rows.append(
             {
                 "variance": variance,
-                "area": [one.integral for one in maps_of_horizons],
+                "area": [survival_map.integral for survival_map in maps_of_horizons],
                 "escape_rate": operator.escape_rate,
             }
-            | {"error": [one.error_estimate * one.integral for one in maps_of_horizons]}
+            | {"error": [survival_map.error_estimate * survival_map.integral for survival_map in maps_of_horizons]}
         )
     bound = maps[max(shown)].mesh_lines[1][-1]
     quiet, quiet_areas = _quiet(scene, horizons, starts, seed, bound)
     values = {
         "scene": scene.to_toml(), "cycles": list(horizons), "starts": starts, "erosion": rows,
-        "area_without_noise": [list(one) for one in quiet_areas],
+        "area_without_noise": [list(area) for area in quiet_areas],
     }  # fmt: skip
     _draw(out / "basins.png", scene, quiet, maps, mean, values)
     write_function(out / "basins.vtu", maps[max(shown)], "survival")
@@ -91,7 +91,11 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
 
 
 def _quiet(scene, horizons, count, seed, bound):
-    """Basin without noise from random starts: part that stands in each bin (edges, parts), and its areas ± errors."""
+    """Basin of a scene without noise, from `count` random starts: its map after the first horizon, and its areas.
+
+    The map is (edges, parts): edges of bins of angle and velocity (up to `bound`), and the part of the starts in each
+    bin that stand. The areas are one a horizon, each with its standard error.
+    """
     wide = Start(0.0, 0.0, tuple(map(tuple, np.diag(np.square(_SPREAD)).tolist())))
     ensemble = simulate(scene.varied(noise=NoNoise(), start=wide), cycles=max(horizons), realizations=count, seed=seed)
     x, v = ensemble.angle[:, 0], ensemble.velocity[:, 0]
@@ -114,12 +118,13 @@ def _quiet(scene, horizons, count, seed, bound):
 
 
 def _draw(path, scene, quiet, maps, mean, values):
+    """Draw the basin without noise, survival maps by variance, the map of the mean time, and the safe areas."""
     note = (
         "Main scene with white noise of equal Melnikov variance. Dashed: moving separatrices. (f) without noise from "
         f"{values['starts']:,} random starts; bars: error estimates of the meshes."
     )
     horizon, noisiest = values["cycles"][0], max(maps)
-    (row,) = (one for one in values["erosion"] if one["variance"] == noisiest)
+    (row,) = (row for row in values["erosion"] if row["variance"] == noisiest)
     parts = zip(row["area"], values["area_without_noise"], values["cycles"], strict=True)
     left = ", to ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
     title = f"Noise of σ = {math.sqrt(noisiest):g} shrinks the area of safe starts to {left}"
@@ -149,6 +154,7 @@ def _draw(path, scene, quiet, maps, mean, values):
 
 
 def _separatrices(axes, scene):
+    """Draw the moving separatrices of a scene at τ = 0."""
     forcing, x = scene.forcing, np.array([-2.0, 2.0])
     swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
     shift = swing * math.cos(forcing.phase + math.atan(forcing.frequency))
@@ -157,6 +163,7 @@ def _separatrices(axes, scene):
 
 
 def _erosion(axes, values):
+    """Draw the safe area against σ, by horizon."""
     for k, cycles in enumerate(values["cycles"]):
         columns = [[row[name][k] for row in values["erosion"]] for name in ("area", "error")]
         places = np.sqrt([row["variance"] for row in values["erosion"]])

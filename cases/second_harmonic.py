@@ -82,7 +82,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
         "realizations": realizations,
         "amplitudes": list(amplitudes),
         "phases": [
-            {"phase": name} | from_rest([with_second(scene, one, psi) for one in amplitudes], tol, *sampled)
+            {"phase": name} | from_rest([with_second(scene, amplitude, psi) for amplitude in amplitudes], tol, *sampled)
             for name, psi in PHASES.items()
         ],
         "from_rest": {"phases": circle} | from_rest(turned, tol, *sampled),
@@ -94,27 +94,30 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
 
 
 def with_second(scene, amplitude, phase):
-    """Return a scene with another second harmonic."""
+    """Return a scene whose second harmonic has another amplitude (nondimensional) and phase (rad)."""
     first, psi = scene.forcing.amplitudes[0], scene.forcing.phases[0]
     return scene.varied(forcing={"amplitudes": (first, amplitude), "phases": (psi, phase)})
 
 
 def from_rest(scenes, tol, realizations, seed):
-    """Survival after `CYCLES` and probabilities (scenes, 2) of overturning to each side, by density and Monte Carlo."""
+    """Survival after `CYCLES` of scenes and probabilities (scenes, 2) of overturning to each side.
+
+    By the density, and by Monte Carlo with a seed for each scene, the first of which is `seed`.
+    """
     densities, ensembles = [], []
     with reporting("survival from rest") as progress:
         for k, scene in enumerate(scenes):
             densities.append(solve_fpk(scene, cycles=CYCLES, tol=tol))
             ensembles.append(simulate(scene, cycles=CYCLES, realizations=realizations, seed=seed + k))
             progress(k + 1, len(scenes))
-    counts = [np.rint(one.overturned[-1] * realizations) for one in ensembles]
+    counts = [np.rint(ensemble.overturned[-1] * realizations) for ensemble in ensembles]
     return {
-        "survival": [float(one.survival[-1]) for one in densities],
-        "overturned": [one.overturned[-1].tolist() for one in densities],
-        "error_estimate": [one.error_estimate for one in densities],
-        "sampled_survival": [float(one.survival[-1]) for one in ensembles],
-        "sampled_survival_interval": [one.survival_interval()[-1].tolist() for one in ensembles],
-        "sampled_overturned": [one.overturned[-1].tolist() for one in ensembles],
+        "survival": [float(density.survival[-1]) for density in densities],
+        "overturned": [density.overturned[-1].tolist() for density in densities],
+        "error_estimate": [density.error_estimate for density in densities],
+        "sampled_survival": [float(ensemble.survival[-1]) for ensemble in ensembles],
+        "sampled_survival_interval": [ensemble.survival_interval()[-1].tolist() for ensemble in ensembles],
+        "sampled_overturned": [ensemble.overturned[-1].tolist() for ensemble in ensembles],
         "sampled_overturned_interval": [wilson_interval(count, realizations).tolist() for count in counts],
     }
 
@@ -138,9 +141,9 @@ def long_run(turned, tol, realizations, seed):
     return {
         "rate": [*solved, *(rate[::-1] for rate in solved)],
         "error_estimate": [*errors, *errors],
-        "sampled": [[one.rate for one in sides] for sides in samples],
-        "interval": [[one.interval.tolist() for one in sides] for sides in samples],
-        "flux_per_cycle": [side_fluxes(one) for one in turned],
+        "sampled": [[measure.rate for measure in sides] for sides in samples],
+        "interval": [[measure.interval.tolist() for measure in sides] for sides in samples],
+        "flux_per_cycle": [side_fluxes(scene) for scene in turned],
         "rate_without": side_rates(CycleOperator(alone, tol=tol)),
         "flux_per_cycle_without": side_fluxes(alone),
     }
@@ -200,6 +203,7 @@ def draw(path, values):
 
 
 def _forces(axes, scene):
+    """Draw the forcings over a cycle."""
     turns = np.linspace(0.0, 1.0, 401)
     for (name, psi), colour in zip(PHASES.items(), style.COLOURS, strict=True):
         forcing = with_second(scene, scene.forcing.amplitudes[1], psi).forcing
@@ -218,6 +222,7 @@ def _forces(axes, scene):
 
 
 def _against_amplitude(axes, values):
+    """Draw survival against the amplitude of the second harmonic, by phase."""
     for curve, colour in zip(values["phases"], style.COLOURS, strict=True):
         axes.plot(values["amplitudes"], curve["survival"], color=colour)
         points = (values["amplitudes"], curve["sampled_survival"], curve["sampled_survival_interval"])
@@ -231,6 +236,7 @@ def _against_amplitude(axes, values):
 
 
 def _shares(axes, shares):
+    """Draw the shares that stand and overturn to each side against the phase."""
     phases, (left, right) = _closed(shares["phases"]), _closed(shares["overturned"]).T
     sampled, interval = _closed(shares["sampled_overturned"]), _closed(shares["sampled_overturned_interval"])
     look = {"alpha": 0.25, "linewidth": 0.0}
@@ -247,6 +253,7 @@ def _shares(axes, shares):
 
 
 def _rates(axes, curves):
+    """Draw rates and fluxes of each side, over those without a second harmonic, against the phase."""
     phases = _closed(curves["phases"])
     rate, sampled, interval, flux = (
         _closed(curves[name]) for name in ("rate", "sampled", "interval", "flux_per_cycle")

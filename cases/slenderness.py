@@ -32,19 +32,22 @@ SCALES = tuple(np.geomspace(0.5, 16.0, 41).tolist())
 
 
 def scene_of(kind, frequency, critical_angle=0.0):
-    """Make the scene of a pulse or of harmonic shaking of amplitude 1, with noise of a part of its rms."""
+    """Scene of a `kind` of shaking ("pulse" or "harmonic") of amplitude 1, with noise of a part of its rms.
+
+    `frequency` is nondimensional, the critical angle of the block in radians (0: a slender block).
+    """
     forcing = Pulse("one-sine", 1.0, frequency) if kind == "pulse" else Harmonic(1.0, frequency)
     noise = BandNoise(0.5 * NOISE**2, (0.0, 3.0 * frequency), 60)
     return Scene(Block(RESTITUTION, critical_angle=critical_angle), forcing, noise)
 
 
 def rows_of(scene):
-    """Say at which times a scene is asked for: at its end."""
+    """Keyword of `simulate` for the end of a scene: `cycles` where its forcing repeats, else `times`."""
     return {"cycles": CYCLES} if scene.period else {"times": [scene.forcing.duration + FREE]}
 
 
 def half(scene, realizations, seed):
-    """Scale at which half of the blocks overturn, the first of a grid and between it; nan where there is none."""
+    """Scale of the shaking from which half of the realizations overturn, between two of `SCALES`; nan for none."""
     curves = fragility(scene, scale=SCALES, realizations=realizations, seed=seed, **rows_of(scene))
     overturned_share = curves.overturned[0]
     above = np.flatnonzero(overturned_share >= 0.5)
@@ -56,7 +59,7 @@ def half(scene, realizations, seed):
 
 
 def overturned(scene, scale, realizations, seed):
-    """Probability of overturning in the end."""
+    """Probability that a scene, its shaking and noise times a scale, has overturned in the end; by Monte Carlo."""
     return 1.0 - float(
         simulate(scaled(scene, scale), realizations=realizations, seed=seed, **rows_of(scene)).survival[-1]
     )
@@ -90,8 +93,8 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
                 slender.append(overturned(scene_of(kind, frequency), scale, realizations, seed) if finite else math.nan)
                 exact.append(
                     [
-                        overturned(scene_of(kind, frequency, one), scale, realizations, seed) if finite else math.nan
-                        for one in angles
+                        overturned(scene_of(kind, frequency, angle), scale, realizations, seed) if finite else math.nan
+                        for angle in angles
                     ]
                 )
                 progress(number + 1, len(frequencies))
@@ -107,7 +110,7 @@ def draw(path, values):
     shaking = f"restitution {RESTITUTION:g}, noise of {NOISE:g} of the rms of the shaking"
     notes = [f"Where half of the slender blocks overturn. {sampled}; {shaking}."]
     off = {kind: np.array(values[kind]["exact"]) - np.array(values[kind]["slender"])[:, None] for kind in NAMES}
-    most = max(float(np.nanmax(np.abs(one))) for one in off.values())
+    most = max(float(np.nanmax(np.abs(differences))) for differences in off.values())
     title = f"The equation of a slender block overturns squat blocks too often, by up to {most:.2f} in probability"
     with style.page(path, (11.0, 5.2), title, notes) as figure:
         panels = figure.subplots(1, 2, sharey=True)

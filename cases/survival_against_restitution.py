@@ -65,7 +65,7 @@ def run(
     for e in density_restitutions:
         with reporting(f"density, e = {e:g}") as progress:
             densities.append(solve_fpk(_varied(scene, e, OURS), cycles=max(CYCLES), tol=tol, progress=progress))
-    replacements = [one.noise_replacement for one in densities[:1]]
+    replacements = [density.noise_replacement for density in densities[:1]]
     values = {
         "scene": scene.to_toml(),
         "cycles": list(CYCLES),
@@ -74,14 +74,18 @@ def run(
         "bands": [
             {
                 "band": [0.0, band],
-                "survival": [one.survival[list(CYCLES)].tolist() for one in ensembles_of_band],
-                "interval": [one.survival_interval()[list(CYCLES)].tolist() for one in ensembles_of_band],
+                "survival": [ensemble.survival[list(CYCLES)].tolist() for ensemble in ensembles_of_band],
+                "interval": [ensemble.survival_interval()[list(CYCLES)].tolist() for ensemble in ensembles_of_band],
             }
             for band, ensembles_of_band in ensembles.items()
         ],
         "density": [
-            {"restitution": e, "survival": one.survival[list(CYCLES)].tolist(), "error_estimate": one.error_estimate}
-            for e, one in zip(density_restitutions, densities, strict=True)
+            {
+                "restitution": e,
+                "survival": density.survival[list(CYCLES)].tolist(),
+                "error_estimate": density.error_estimate,
+            }
+            for e, density in zip(density_restitutions, densities, strict=True)
         ],
         "cycles_without_noise": [_stood(scene, e) for e in restitutions],
         "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS]), *replacements))),
@@ -92,6 +96,7 @@ def run(
 
 
 def _varied(scene, restitution, band):
+    """Scene with another restitution and the end of its noise band."""
     return scene.varied(block={"restitution": restitution}, noise={"band": (0.0, band)})
 
 
@@ -135,14 +140,16 @@ def _quiet(axes, values):
 
 
 def _ours(values):
-    return next(one for one in values["bands"] if one["band"][1] == OURS)
+    """Row of the band `OURS`."""
+    return next(curve for curve in values["bands"] if curve["band"][1] == OURS)
 
 
 def _both(axes, values, limits=False):
+    """Draw survival of paths and densities against the restitution, with upper limits if `limits`."""
     ours = _ours(values)
     survival, interval = np.array(ours["survival"]), np.array(ours["interval"])
-    lines = np.array([one["survival"] for one in values["density"]])
-    places = [one["restitution"] for one in values["density"]]
+    lines = np.array([row["survival"] for row in values["density"]])
+    places = [row["restitution"] for row in values["density"]]
     for column, (cycle, colour) in enumerate(zip(values["cycles"], style.COLOURS, strict=False)):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
@@ -156,6 +163,7 @@ def _both(axes, values, limits=False):
 
 
 def _bands(axes, values):
+    """Draw survival after `COMPARED_AT` cycles against the restitution, by band."""
     column = values["cycles"].index(COMPARED_AT)
     for curve, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
         survival, limits = np.array(curve["survival"])[:, column], np.array(curve["interval"])[:, column]
@@ -166,6 +174,7 @@ def _bands(axes, values):
 
 
 def _named_at_peak(axes, places, survival, text, colour):
+    """Name a curve above its largest value."""
     peak = int(np.argmax(survival))
     style.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
 
@@ -173,11 +182,11 @@ def _named_at_peak(axes, places, survival, text, colour):
 def report(values):
     """Print the survival."""
     ours = _ours(values)
-    survival_at = {one["restitution"]: one["survival"] for one in values["density"]}
+    survival_at = {row["restitution"]: row["survival"] for row in values["density"]}
     print(f"e: survival after {values['cycles']} cycles, Monte Carlo | density; cycles stood without noise")
     for e, row, quiet in zip(values["restitutions"], ours["survival"], values["cycles_without_noise"], strict=True):
-        density = "  ".join(f"{one:.5f}" for one in survival_at.get(e, ()))
-        print(f"{e:<6g}" + "  ".join(f"{one:.4f}" for one in row) + f" | {density:27} ; {quiet:.1f}")
+        density = "  ".join(f"{share:.5f}" for share in survival_at.get(e, ()))
+        print(f"{e:<6g}" + "  ".join(f"{share:.4f}" for share in row) + f" | {density:27} ; {quiet:.1f}")
 
 
 if __name__ == "__main__":

@@ -27,6 +27,7 @@ from command import command
 
 from fpk_rocking import load_scene
 from fpk_rocking.base import files
+from fpk_rocking.base.files import plain
 from fpk_rocking.output.progress import reporting
 from montecarlo import (
     first_passage,
@@ -87,10 +88,10 @@ def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
         "scene": scene.to_toml(),
         "ensemble": ensemble.summary(),
         "impacts_per_realization": float(hits.impacts.mean()),
-        "maps": {name: _plain(mean_map) for name, mean_map in maps.items()},
+        "maps": {name: plain(mean_map._asdict()) for name, mean_map in maps.items()},
         "restarts_differ_by": {rule: _distance(restarted[rule], other[rule]) for rule in RULES},
-        "first_passage": _plain(passage),
-        "impact_speeds": _plain(speeds),
+        "first_passage": plain(passage._asdict()),
+        "impact_speeds": plain(speeds._asdict()),
     }
     files.write_json(out / "histories.json", values)
     return values
@@ -98,16 +99,7 @@ def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
 
 def _distance(first, second) -> list:
     """Distance of two maps after each cycle; None where one of them has ended."""
-    return _listed(np.hypot(*(first.points - second.points).T))
-
-
-def _plain(mean_map) -> dict:
-    return {name: _listed(value) if np.ndim(value) else value for name, value in mean_map._asdict().items()}
-
-
-def _listed(array) -> list:
-    """Return nested lists with None for nan, which JSON does not have."""
-    return np.where(np.isnan(array), None, array).tolist()
+    return plain(np.hypot(*(first.points - second.points).T))
 
 
 def report(values):

@@ -64,6 +64,7 @@ def _problem(listing, screenshot) -> str:
 
 
 def _frames(listing) -> list:
+    """Meshes of pyvista, one a cycle, that a .pvd file lists."""
     import pyvista
 
     reader = pyvista.get_reader(listing)
@@ -75,6 +76,7 @@ def _frames(listing) -> list:
 
 
 def _show(frames, first, screenshot):
+    """Show frames from the one at place `first` on in a window, or write that one to a picture."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 
@@ -139,6 +141,7 @@ def _surface(frame):
 
 
 def _needle(plotter, frame):
+    """Draw the needle of a point start of a frame, or remove it."""
     import pyvista
 
     vertices = frame.extract_cells(frame.celltypes == pyvista.CellType.VERTEX)

@@ -6,146 +6,27 @@ what the machine refuses, 130 when interrupted, 143 when terminated. Files are c
 
 import argparse
 import json
-import pathlib
-import re
 import sys
 import time
-import tomllib
-from typing import Any
 
 from fpk_rocking import console
-
-_DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
-_EXAMPLES = """\
-a scene is a TOML file, or the name of a scene of the package: main, second, fig05, second_harmonic, rest, record
-
-examples:
-  fpk-rocking probability rack.toml --cycles 10 --tol 0.002
-      the probability that the block overturns, to the wanted error, by the engine that gets there soonest
-  fpk-rocking fpk main
-      probability density by finite elements, 40 forcing cycles
-  fpk-rocking mc main --realizations 20000 --seed 7
-      Monte Carlo of the same scene
-  fpk-rocking mc main --realizations 10000000 --tally --checkpoint results/main/tally.npz
-      an ensemble larger than memory; once stopped, the same command goes on from the file
-  fpk-rocking compare main --cycles 10 --out results/main
-      both, side by side; keeps results, a figure and a summary
-  fpk-rocking compare results/main/density.npz results/main/ensemble.npz
-      two saved results
-  fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
-      probability of overturning against the scale of the shaking, with a lognormal fit
-  fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --intensities 0.1:3:12 --out results/risk
-      annual rate of overturning, with curves that OpenQuake and pelicun read
-  fpk-rocking fpk main --json > survival.json
-      one JSON object instead of a table
-  fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
-      numbers, verdict and densities as one file for the browser
-
-fpk-rocking COMMAND --help lists the options of a command
-"""
-_DENSITY = "--tol --bins-tol --noise-replacement --no-check"
-_SAMPLE = "--realizations --seed --method --steps-per-cycle --tally --checkpoint"
-_OPTIONS = """
-scene SCENE             scene file (TOML), or the name of a scene of the package
-scenes SCENE+           scene file (TOML), or the name of a scene of the package; several give a curve each
-inputs FILE+            a scene (file or name) to solve by both engines, or two saved results (.npz)
---set KEY=VALUE*        value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3
-                        g'; may be repeated
---cycles N:int          forcing cycles (default 40)
---times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its
-                        end)
---out DIR:path          folder for files
---report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
---json                  print one JSON object instead of a table
---tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
-                        fragility 0.01)
---rtol X:float          wanted error in parts of the probability; with --tol too, the larger error is enough
---limit S:float         seconds that it may take; what is predicted to take longer is refused (default 600)
---bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
-                        for a pulse or a record, and with inf: any)
---noise-replacement NAME  what replaces band noise in the density solver: white (default), or filtered, which lets
-                        blocks rest
---no-check              where the density solver replaces noise, do not sample the noise of the scene beside it
---realizations N:int    number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing
-                        is random)
---seed N:int            seed of the random numbers (default 1)
---method NAME           for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other
-                        noise by white noise; filtered, which replaces band noise by low-pass noise (default: exact,
-                        white or filtered, whichever fits the noise)
---steps-per-cycle N:int  time steps in a forcing cycle (default 200; the method exact takes none)
---tally                 keep survival, histograms and moments alone, which takes little memory for any number of paths
---checkpoint FILE:path  with --tally: file that keeps the state of the run; where it exists, the run goes on from it
---scales LIST           factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
---pga LIST              in place of --scales: peak accelerations in g of the shaking without noise; the column scale is
-                        then the PGA
---pgv LIST              likewise: peak velocities in m/s
---engine NAME           exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the
-                        noise)
---levels LIST           also compute the probability of reaching the angles A,B,C, in units of the critical angle
---over NAME=LIST        a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2
---keep-noise            scale the motion alone and keep the noise as it is
---uncertain NAME=DIST*  distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a
-                        name of the scene file such as block.restitution, each in its own unit; NAME_factor is a
-                        multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
-                        lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
-                        repeated
---blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; of one record 5 or
-                        more)
---workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
---store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
---records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise, and needs no
-                        forcing
---synthetic N:int       in place of records: as many synthetic motions on firm ground
---hazard FILE|K0:K!     file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard
-                        K0 im^-K
---intensities LIST!     intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
---measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
---units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
---baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
-                        high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
---corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
---name NAME             identifier of the block in the exported files (default rocking_block)
-"""
-"""Every argument of the command line: name, what stands for its value with the type, and help.
-
-Without what stands for a value it is a switch. After it, + means one value or more, * that the option may be repeated,
-! that it is required.
-"""
-
-_REPLACED = {"amplitude": 1.0, "frequency": 1.0}
-"""Table [forcing] of a scene whose forcing recorded motions replace."""
-
-
-def _arguments():
-    """Return a dict of keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
-    arguments: dict[str, dict[str, Any]] = {}
-    types = {"int": int, "float": float, "path": pathlib.Path, "": None}
-    marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "!": {"required": True}, "": {}}
-    for entry in re.split(r"\n(?=\S)", _OPTIONS.strip()):
-        head, text = re.split(r"\s{2,}", entry, maxsplit=1)
-        name, _, form = head.partition(" ")
-        metavar, kind, mark = re.fullmatch(r"(.*?)(?::(int|float|path))?([+*!]?)", form).groups("")
-        own = {"metavar": metavar, "type": types[kind]} if form else {"action": "store_true", "default": None}
-        arguments[name] = {"help": " ".join(text.split())} | own | marks[mark]
-    return arguments
-
-
-class _Parser(argparse.ArgumentParser):
-    """Refuses bad input in one line, as the rest of the command line does."""
-
-    def error(self, message):
-        """Exit with status 2 and a message (text) in one line."""
-        self.exit(2, f"{self.prog}: {console.line(message)}\n")
-
-
-class _Version(argparse.Action):
-    """Prints the version, which is looked up only then."""
-
-    def __call__(self, parser, *_):
-        from importlib.metadata import version
-
-        sys.stdout.write(f"fpk-rocking {version('fpk-rocking')}\n")
-        parser.exit(0)
+from fpk_rocking.options import (
+    DENSITY,
+    DESCRIPTION,
+    EXAMPLES,
+    SAMPLE,
+    Parser,
+    Version,
+    arguments_by_name,
+    distributions,
+    hazard_of,
+    numbers,
+    passed,
+    rows_of,
+    scene_of,
+    scenes_at_scales,
+    shaken_scenes,
+)
 
 
 def main(arguments=None) -> int:
@@ -190,9 +71,9 @@ def main(arguments=None) -> int:
 def _parser() -> argparse.ArgumentParser:
     """Return the parser of the command line, with a subparser for each command."""
     layout = argparse.RawDescriptionHelpFormatter
-    parser = _Parser("fpk-rocking", description=_DESCRIPTION, epilog=_EXAMPLES, formatter_class=layout)
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and exit")
-    commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), _arguments()
+    parser = Parser("fpk-rocking", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=layout)
+    parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
+    commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), arguments_by_name()
 
     def command(name, run, does, more="", options="", files=""):
         """Add the subparser of the command `name`, which calls `run` with the parsed options.
@@ -214,12 +95,12 @@ def _parser() -> argparse.ArgumentParser:
     command("probability", _probability, does, "Takes the engine that gets there soonest.", wanted, files)
     does = "probability density by finite elements (Fokker-Planck equation)"
     files = "result.npz, summary.json and a VTK series jpdf.pvd"
-    command("fpk", _fpk, does, printed, f"scene {rows} {_DENSITY}", files)
+    command("fpk", _fpk, does, printed, f"scene {rows} {DENSITY}", files)
     does = "Monte Carlo simulation of many realizations"
-    command("mc", _mc, does, printed, f"scene {rows} {_SAMPLE}", "result.npz and summary.json")
+    command("mc", _mc, does, printed, f"scene {rows} {SAMPLE}", "result.npz and summary.json")
     does = "both engines on one scene, or two saved results, side by side"
     files = "summary.json, survival.png and, of a scene, density.npz and ensemble.npz"
-    command("compare", _compare, does, printed, f"inputs {rows} {_DENSITY} {_SAMPLE}", files)
+    command("compare", _compare, does, printed, f"inputs {rows} {DENSITY} {SAMPLE}", files)
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     options = f"scenes --scales --pga --pgv {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
@@ -241,8 +122,8 @@ def _probability(options):
     from fpk_rocking.results.style import save
     from fpk_rocking.studies.overturning import probability
 
-    scene = _scene(options, options.scene)
-    own = _rows(options, scene) | _passed(options, "tol", "rtol", "seed")
+    scene = scene_of(options, options.scene)
+    own = rows_of(options, scene) | passed(options, "tol", "rtol", "seed")
     own |= {} if options.limit is None else {"limit_s": options.limit}
     with reporting("probability") as progress:
         answer = probability(scene, progress=progress, **own)
@@ -258,12 +139,12 @@ def _probability(options):
 
 def _fpk(options):
     """Run the command ``fpk`` with its parsed `options`: solve a scene, and print and save the density."""
-    _finish(options, _checked(options, _solved(options, _scene(options, options.scene))))
+    _finish(options, _checked(options, _solved(options, scene_of(options, options.scene))))
 
 
 def _mc(options):
     """Run the command ``mc`` with its parsed `options`: simulate a scene, and print and save the sample."""
-    _finish(options, _simulated(options, _scene(options, options.scene)))
+    _finish(options, _simulated(options, scene_of(options, options.scene)))
 
 
 def _finish(options, result):
@@ -293,7 +174,7 @@ def _compare(options):
     if len(options.inputs) == 2:
         first, second = _loaded(options)
     elif len(options.inputs) == 1:
-        scene = _scene(options, options.inputs[0])
+        scene = scene_of(options, options.inputs[0])
         second, first = _solved(options, scene), _simulated(options, scene)
         second = _checked(options, second, beside=first)
     else:
@@ -313,32 +194,34 @@ def _fragility(options):
     from fpk_rocking.base.files import write_json
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import IntensityCurve, drawn, fragility
+    from fpk_rocking.studies.critical import motion_table
+    from fpk_rocking.studies.motions import motion_lines
     from fpk_rocking.studies.picture import curve_table, fragility_table
-    from fpk_rocking.studies.scenes import motion_lines
 
-    scenes, over = _shaken(options), None
+    scenes, over = shaken_scenes(options), None
     if options.over is not None:
         name, equals, values = options.over.partition("=")
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
-        over = {name: _numbers("--over", values)}
-    scenes, scales = _at_scales(options, scenes)
-    uncertain, draws = _uncertain(options), None
+        over = {name: numbers("--over", values)}
+    scenes, scales = scenes_at_scales(options, scenes)
+    motions = scenes
+    uncertain, draws = distributions(options), None
     if uncertain:
         if over is not None:
             raise ValueError(f"--uncertain: got {options.uncertain}, accepted: nothing beside --over")
-        draws = drawn(scenes, uncertain, **_passed(options, "seed"), count=options.blocks or -(-100 // len(scenes)))
+        draws = drawn(scenes, uncertain, **passed(options, "seed"), count=options.blocks or -(-100 // len(scenes)))
         scenes = draws.scenes
     with reporting("fragility") as progress:
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
             scale=scales,
-            **_rows(options, scenes[0]),
-            levels=_numbers("--levels", options.levels) if options.levels else (),
+            **rows_of(options, scenes[0]),
+            levels=numbers("--levels", options.levels) if options.levels else (),
             over=over,
             scale_noise=not options.keep_noise,
             progress=progress,
-            **_passed(options, "engine", "realizations", "tol", "seed", "workers", "store"),
+            **passed(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
     shown, values = result, result.summary()
     if draws is not None or (options.records and len(scenes) > 1):
@@ -350,8 +233,9 @@ def _fragility(options):
         (result if draws is None else shown).to_csv(options.out / "fragility.csv")
         write_json(options.out / "summary.json", values)
         _fragility_figure(options.out / "fragility.png", shown)
-    motions = motion_lines(result.motion_table, "scale") if options.records and options.scales else ()
-    _print(options, shown, values, lambda: fragility_table(result) if shown is result else curve_table(shown, motions))
+    table = result.motion_table if draws is None else motion_table(motions)
+    lines = motion_lines(table, "scale") if options.records else ()
+    _print(options, shown, values, lambda: fragility_table(result) if shown is result else curve_table(shown, lines))
 
 
 def _fragility_figure(path, result):
@@ -369,63 +253,30 @@ def _fragility_figure(path, result):
         surface_figure(path, result)
 
 
-def _at_scales(options, scenes):
-    """Return scenes (a list) as they are at scale 1, an intensity of 1 with --pga or --pgv, and the scales (a list).
-
-    `options` are the parsed arguments.
-    """
-    from fpk_rocking.studies.scenes import at_intensity
-
-    lists = _passed(options, "scales", "pga", "pgv")
-    if len(lists) != 1:
-        raise ValueError(
-            f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga or --pgv in its place"
-        )
-    ((measure, numbers),) = lists.items()
-    if measure != "scales":
-        scenes = [at_intensity(scene, measure.upper(), noise=not options.keep_noise) for scene in scenes]
-    return scenes, _numbers(f"--{measure}", numbers)
-
-
-def _shaken(options):
-    """List of the scenes that the parsed `options` name, or of the one scene under each of the records named there."""
-    from fpk_rocking.studies.scenes import recorded_scenes
-
-    scenes = [_scene(options, path) for path in options.scenes]
-    if options.records and len(scenes) > 1:
-        raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
-    if options.units and not options.records:
-        raise ValueError(f"--units: got {options.units!r}, accepted: together with --records")
-    given = _passed(options, "units", "baseline", "corner_hz")
-    if not (options.records or given):
-        return scenes
-    return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **given)]
-
-
 def _risk(options):
     """Run the command ``risk`` with its parsed `options`: compute, print and save an annual rate of overturning."""
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.risk.study import study
 
-    intensities = _numbers("--intensities", options.intensities)
+    intensities = numbers("--intensities", options.intensities)
     records = options.records or ()
     if options.synthetic:
         from fpk_rocking.studies.drawing import synthetic_records
 
         if records:
             raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
-        records = synthetic_records(options.synthetic, **_passed(options, "seed"))
+        records = synthetic_records(options.synthetic, **passed(options, "seed"))
     with reporting("records") as progress:
         result = study(
-            _scene(options, options.scene),
+            scene_of(options, options.scene),
             records,
-            _hazard(options.hazard),
+            None if options.hazard is None else hazard_of(options.hazard),
             intensities,
             scale_noise=not options.keep_noise,
-            uncertain=_uncertain(options),
+            uncertain=distributions(options),
             progress=progress,
-            **_passed(options, "blocks", "measure", "units", "baseline", "corner_hz", "realizations", "seed", "name"),
-            **_passed(options, "workers", "store"),
+            **passed(options, "blocks", "measure", "units", "baseline", "corner_hz", "realizations", "seed", "name"),
+            **passed(options, "workers", "store"),
         )
     if options.out:
         result.write(options.out)
@@ -434,50 +285,6 @@ def _risk(options):
             sys.stderr.write(f"fpk-rocking risk: {missing}: {result.not_for_pelicun}\n")
     text = json.dumps(result.summary(), allow_nan=False, ensure_ascii=False) if options.json else result.text()
     sys.stdout.write(text + "\n")
-
-
-def _hazard(text):
-    """Return the `Hazard` of a text K0:K, or the text itself where it is the name of a file."""
-    from fpk_rocking.risk.hazard import Hazard
-
-    rate, colon, exponent = text.partition(":")
-    try:
-        return Hazard.power_law(float(rate), float(exponent)) if colon else text
-    except ValueError as error:
-        if pathlib.Path(text).exists():
-            return text
-        raise ValueError(f"--hazard: got {text!r}, accepted: a file, or K0:K ({error})") from None
-
-
-def _uncertain(options):
-    """Return the distributions of --uncertain in the parsed `options`, as texts by the names of the values."""
-    distributions = {}
-    for text in options.uncertain or ():
-        name, equals, distribution = text.partition("=")
-        if not (equals and name):
-            raise ValueError(f"--uncertain: got {text!r}, accepted: NAME=DIST, as in size_factor=lognormal:1:0.05")
-        distributions[name] = distribution
-    if options.blocks is not None and not distributions:
-        raise ValueError(f"--blocks: got {options.blocks}, accepted: together with --uncertain")
-    return distributions
-
-
-def _numbers(name, text):
-    """Return the list of numbers of a text A,B,C or LOW:HIGH:COUNT; the latter are spaced evenly in their logarithm.
-
-    `name` is that of the option, for the message that refuses the text.
-    """
-    parts = text.split(":")
-    try:
-        if len(parts) == 1:
-            return [float(number) for number in text.split(",")]
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
-        if len(parts) == 3 and 0.0 < low < high < float("inf") and 2 <= count <= 10_000:
-            return [low * (high / low) ** (k / (count - 1)) for k in range(count)]
-    except (ValueError, IndexError):
-        pass
-    accepted = "numbers A,B,C, or LOW:HIGH:COUNT with 0 < LOW < HIGH and COUNT from 2 to 10,000"
-    raise ValueError(f"{name}: got {text!r}, accepted: {accepted}")
 
 
 def _warmup(_):
@@ -494,37 +301,13 @@ def _warmup(_):
     sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
 
 
-def _scene(options, path):
-    """Return the `Scene` of a file at a path, or of the package, with the changes of --set in the parsed `options`."""
-    from fpk_rocking.scene.scene import load_scene
-
-    if path.endswith(".npz"):
-        raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
-    changes = dict(map(_setting, options.set or ()))
-    if getattr(options, "records", None) or getattr(options, "synthetic", None):
-        # What the motions replace is not read: neither a file that is missing nor a table that is.
-        changes = {"forcing": _REPLACED} | {name: value for name, value in changes.items() if name[:7] != "forcing"}
-    return load_scene(path, changes)
-
-
-def _setting(text):
-    """Return the name and the value of a text KEY=VALUE; a value that is not TOML is a text."""
-    name, equals, value = text.partition("=")
-    if not (equals and name.strip()):
-        raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
-    try:
-        return name.strip(), tomllib.loads(f"value = {value}")["value"]
-    except ValueError:
-        return name.strip(), value.strip()
-
-
 def _solved(options, scene):
     """Solve a scene with those of the parsed `options` that are the density solver's; return the `Evolution`."""
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.progress import reporting
     from fpk_rocking.studies import tasks
 
-    own = _rows(options, scene) | _passed(options, "tol", "bins_tol", "noise_replacement")
+    own = rows_of(options, scene) | passed(options, "tol", "bins_tol", "noise_replacement")
     if not options.no_check:
         tasks.expect_check(scene)
     with reporting("density") as progress:
@@ -545,16 +328,6 @@ def _checked(options, density, beside=None):
         return tasks.checked(density, beside=beside, progress=progress)
 
 
-def _rows(options, scene):
-    """Return the cycles or the times of the parsed `options`, or the default ones for a scene, as a dict."""
-    return _passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
-
-
-def _passed(options, *names):
-    """Return those of some parsed `options` that were passed, their values by name, as a dict."""
-    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
-
-
 def _simulated(options, scene):
     """Simulate a scene with those of the parsed `options` that are the engines'.
 
@@ -568,8 +341,8 @@ def _simulated(options, scene):
     if options.method == "filtered":
         scene = scene.filtered_equivalent()
     own = {} if scene.deterministic else {"realizations": 10_000}
-    own |= _rows(options, scene)
-    own |= _passed(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
+    own |= rows_of(options, scene)
+    own |= passed(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
     with reporting("Monte Carlo") as progress:
         return (tally if options.tally else simulate)(scene, progress=progress, **own)
 
@@ -580,8 +353,8 @@ def _loaded(options) -> list:
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
 
-    for flag in f"--set --cycles --times {_DENSITY} {_SAMPLE}".split():
-        if _passed(options, flag.removeprefix("--").replace("-", "_")):
+    for flag in f"--set --cycles --times {DENSITY} {SAMPLE}".split():
+        if passed(options, flag.removeprefix("--").replace("-", "_")):
             raise ValueError(f"{flag}: has no effect on saved results, accepted: with a scene file")
     kinds = {"evolution": Evolution, "ensemble": Ensemble, "tally": Tally}
     for path in options.inputs:

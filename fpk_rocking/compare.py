@@ -163,9 +163,9 @@ class Comparison(Result):
         apart, accepted = np.abs(self.difference), _DEVIATIONS * self.standard_error + stated
         # Where most of what is accepted is used up: both may be 0, as at the start.
         row = int(np.argmax(np.divide(apart, accepted, out=np.where(apart > 0.0, np.inf, 0.0), where=accepted > 0.0)))
-        what = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(self.standard_error.any())
-        what += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
-        rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(what) or 'no error is stated'}"
+        allowances = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(self.standard_error.any())
+        allowances += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
+        rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(allowances) or 'no error is stated'}"
         at = f"{'' if self.periodic else 'at '}{self.results[0].when(row)}"
         sentence = f"Survival differs by {apart[row]:.2g} {at}"
         if self.standard_error[row] > 0.0:
@@ -228,8 +228,8 @@ class Comparison(Result):
     def summary(self) -> dict[str, Any]:
         """All arrays and figures, names, sizes, seconds, verdict and remarks as plain values, for JSON."""
         names = [field.name for field in dataclasses.fields(self) if field.name != "results"]
-        own = {name: getattr(self, name) for name in ("names", "realizations", *names, "remarks")}
-        return plain(own | {"wall_s": [result.wall_s for result in self.results], "trust": self.trust.plain})
+        values = {name: getattr(self, name) for name in ("names", "realizations", *names, "remarks")}
+        return plain(values | {"wall_s": [result.wall_s for result in self.results], "trust": self.trust.plain})
 
 
 def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequence[int] | None = None) -> Comparison:
@@ -263,30 +263,30 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     >>> print(f"{both.difference[4]:.3f} ± {both.standard_error[4]:.3f}")
     0.001 ± 0.011
     """
-    both, cycles = (first, second), min(len(first.times), len(second.times)) - 1
+    results, cycles = (first, second), min(len(first.times), len(second.times)) - 1
     common_rows = slice(0, cycles + 1)
     _refuse_other_scenes(first.scene, second.scene)
     # Of whole cycles the fewer are a part of the more.
     if not np.allclose(first.times[common_rows], second.times[common_rows], rtol=1e-12, atol=0.0):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
     joint_cycles = _checked_cycles(joint_cycles, cycles)
-    sizes = [float(_sample_size(result) or math.inf) for result in both]
-    survival = np.stack([np.asarray(result.survival)[common_rows] for result in both], axis=-1)
+    sizes = [float(_sample_size(result) or math.inf) for result in results]
+    survival = np.stack([np.asarray(result.survival)[common_rows] for result in results], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
     standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
-    leakage = np.stack([np.diff(np.asarray(result.overturned)[common_rows], axis=0) for result in both], axis=1)
+    leakage = np.stack([np.diff(np.asarray(result.overturned)[common_rows], axis=0) for result in results], axis=1)
     edges = joint_edges(first.scene)
-    joint = [_bin_distances(both, sizes, cycle, edges) for cycle in joint_cycles]
+    joint = [_bin_distances(results, sizes, cycle, edges) for cycle in joint_cycles]
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
-        results=both,
+        results=results,
         cycles=np.arange(cycles + 1),
         times=np.asarray(first.times)[common_rows],
         periodic=first.cycles is not None,
         survival=survival,
-        interval=np.stack([_interval(result)[common_rows] for result in both], axis=1),
-        error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in both]),
+        interval=np.stack([_interval(result)[common_rows] for result in results], axis=1),
+        error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in results]),
         difference=difference,
         standard_error=standard_error,
         z=_z(difference, standard_error, sizes),
@@ -297,7 +297,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
         hellinger=columns[:, 2],
         hellinger_floor=columns[:, 3],
         outside=columns[:, 4:],
-        **_melnikov(both),
+        **_melnikov(results),
     )
 
 
@@ -314,10 +314,10 @@ def shown_cycles(cycles: int) -> list[int]:
 def _refuse_other_scenes(first, second):
     """Raise ValueError for two scenes, `first` and `second`, that differ in more than the noise."""
     for name in ("block.restitution", "block.critical_angle", "forcing", "start", "overturning"):
-        one, other = map(operator.attrgetter(name), (first, second))
-        if one != other:
+        in_first, in_second = map(operator.attrgetter(name), (first, second))
+        if in_first != in_second:
             raise ValueError(
-                f"{name}: got {one} in the first result and {other} in the second, "
+                f"{name}: got {in_first} in the first result and {in_second} in the second, "
                 "accepted: two results whose scenes differ in the noise alone"
             )
 
@@ -332,40 +332,40 @@ def _checked_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int
     return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in cycles_asked]
 
 
-def _bin_distances(both, sizes, cycle, edges):
+def _bin_distances(results, sizes, cycle, edges):
     """After a cycle: L1 of bins, its floor, Hellinger, its floor; of each result, what stands outside the bins.
 
-    `both` are two `SurvivalResult`, `sizes` their sample sizes (``math.inf`` for none), and `edges` the two arrays of
-    the edges of the bins. A tuple of six floats.
+    `results` are two `SurvivalResult`, `sizes` their sample sizes (``math.inf`` for none), and `edges` the two arrays
+    of the edges of the bins. A tuple of six floats.
     """
-    bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in both]
+    bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in results]
     common = sampling.pooled(bins[0], bins[1], *sizes)
     return (
         sampling.l1(*bins),
         sampling.l1_floor(common, *sizes),
         sampling.hellinger(*bins),
         sampling.hellinger_floor(common, *sizes),
-        *(result.survival[cycle] - values.sum() for result, values in zip(both, bins, strict=True)),
+        *(result.survival[cycle] - values.sum() for result, values in zip(results, bins, strict=True)),
     )
 
 
-def _melnikov(both) -> dict:
+def _melnikov(results) -> dict:
     """Figures of the Melnikov process, by the names of their fields, of a pair of `SurvivalResult`.
 
     None each where the forcing does not repeat, or the sides of the block differ.
     """
-    forcing, block = both[0].scene.forcing, both[0].scene.block
+    forcing, block = results[0].scene.forcing, results[0].scene.block
     restitution, angle = block.restitution, block.critical_angle
     if forcing.period is None or not block.symmetric:
         names = "melnikov_amplitude", "melnikov_loss", "melnikov_deviation", "melnikov_margin", "phase_flux"
         return dict.fromkeys(names)
-    noise = [result.scene.noise for result in both]
+    noises = [result.scene.noise for result in results]
     return {
         "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing, angle)),
         "melnikov_loss": float(melnikov.impact_loss(restitution, angle)),
-        "melnikov_deviation": np.sqrt([melnikov.noise_variance(one, angle) for one in noise]),
-        "melnikov_margin": melnikov.margin(forcing, restitution, noise, angle),
-        "phase_flux": melnikov.phase_flux(forcing, restitution, noise, angle),
+        "melnikov_deviation": np.sqrt([melnikov.noise_variance(noise, angle) for noise in noises]),
+        "melnikov_margin": melnikov.margin(forcing, restitution, noises, angle),
+        "phase_flux": melnikov.phase_flux(forcing, restitution, noises, angle),
     }
 
 
@@ -386,12 +386,12 @@ def _z(difference, standard_error, sizes) -> np.ndarray:
         return np.where(difference == 0.0, 0.0, difference / standard_error)
 
 
-def _shared_seed(both) -> list[str]:
+def _shared_seed(results) -> list[str]:
     """List of a sentence that two samples share their random numbers; empty where they do not.
 
-    `both` are two `SurvivalResult`.
+    `results` are two `SurvivalResult`.
     """
-    seeds = [(getattr(result, "seed", None), result.engine) for result in both]
-    if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in both):
+    seeds = [(getattr(result, "seed", None), result.engine) for result in results]
+    if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in results):
         return []
     return [f"Both samples use seed {seeds[0][0]} and share random numbers, so z and the floors do not apply."]

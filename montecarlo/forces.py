@@ -157,8 +157,8 @@ def contact_forces(histories: Histories) -> ContactForces:
     body, sides = scene.block.body, forces.SidesOfContact()
     if body is not None:
         sides = forces.SidesOfContact(body.saddles, body.acceleration_scales, body.levers)
-    both = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender, sides)
-    return ContactForces(scene, histories.time, *both)
+    pair = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender, sides)
+    return ContactForces(scene, histories.time, *pair)
 
 
 def _total_force(scene, seed, count, steps_per_cycle, times):

@@ -131,8 +131,8 @@ def phase_flux_as_printed(
     if equation == 17:
         return _excess(harmonic, loss, scale)
     # σσ_M φ(L) - L N(-L) is the unscaled bracket, that of σ_M = 1, and (σσ_M - 1) φ(L).
-    one = np.ones(scale.shape)
-    return (_excess(harmonic, loss, one) + (scale - 1.0) * _mean_near_zero(normal_density, harmonic, loss, one))[()]
+    unit = np.ones(scale.shape)
+    return (_excess(harmonic, loss, unit) + (scale - 1.0) * _mean_near_zero(normal_density, harmonic, loss, unit))[()]
 
 
 def phase_flux_sampled(
@@ -213,8 +213,8 @@ def _excess_of_sum(along, loss, sigma):
     if sigma == 0.0:
         # The mean of d is 0, so that of max(-d - M, 0) is that of max(d + M, 0) less M.
         return 0.5 * (along.mean_excess(loss) + along.mean_excess(-loss) - loss)
-    other = [(k, amplitude, phase + math.pi) for k, amplitude, phase in along.components]
-    return 0.5 * (mean_excess(along.components, loss, sigma) + mean_excess(other, loss, sigma))
+    mirrored = [(k, amplitude, phase + math.pi) for k, amplitude, phase in along.components]
+    return 0.5 * (mean_excess(along.components, loss, sigma) + mean_excess(mirrored, loss, sigma))
 
 
 def _strengths(noise):

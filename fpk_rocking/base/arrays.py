@@ -28,16 +28,16 @@ def scratch(rows: int, columns: int) -> Callable[[], Any]:
         def reserve(context, builder, signature, arguments):  # noqa: ARG001
             """Generate the array as an LLVM value; the arguments are those that numba passes to a code generator."""
             place = cgutils.alloca_once(builder, ir.ArrayType(ir.DoubleType(), rows * columns))
-            found = arrayobj.make_array(array)(context, builder)
+            struct = arrayobj.make_array(array)(context, builder)
             arrayobj.populate_array(
-                found,
+                struct,
                 data=builder.bitcast(place, ir.DoubleType().as_pointer()),
                 shape=[context.get_constant(types.intp, n) for n in (rows, columns)],
                 strides=[context.get_constant(types.intp, n) for n in (columns * word, word)],
                 itemsize=context.get_constant(types.intp, word),
                 meminfo=None,
             )
-            return found._getvalue()
+            return struct._getvalue()
 
         return array(), reserve
 

@@ -132,9 +132,9 @@ class Kernel:
 
 
 @typeof_impl.register(Kernel)
-def _type_in_kernels(made, context):
+def _type_in_kernels(compiled, context):
     """Return the numba type of a `Kernel` in the text of another one; `context` is that of numba's `typeof`."""
-    return typeof_impl(made.for_kernels, context)
+    return typeof_impl(compiled.for_kernels, context)
 
 
 def _compile_in_turn(compiled, file):

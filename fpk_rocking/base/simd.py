@@ -52,18 +52,19 @@ def _define(operation, name):
 
     `operation` is a function of `operator`, and `name` is the method of llvmlite's builder that does it.
     """
-    both = (lanes, lanes), (lanes, types.float64), (types.float64, lanes)
+    operands = (lanes, lanes), (lanes, types.float64), (types.float64, lanes)
 
     @infer_global(operation)
     class _Template(ConcreteTemplate):
-        cases = [signature(lanes, *pair) for pair in both]  # noqa: RUF012  (as numba has it)
+        cases = [signature(lanes, *pair) for pair in operands]  # noqa: RUF012  (as numba has it)
 
     def generate(context, builder, called, arguments):  # noqa: ARG001
         """Generate the operation; the arguments are those that numba passes to a code generator."""
         pair = zip(called.args, arguments, strict=True)
-        return getattr(builder, name)(*(one if kind is lanes else _spread(builder, one) for kind, one in pair))
+        vectors = (value if kind is lanes else _spread(builder, value) for kind, value in pair)
+        return getattr(builder, name)(*vectors)
 
-    for pair in both:
+    for pair in operands:
         lower_builtin(operation, *pair)(generate)
 
 
@@ -76,10 +77,10 @@ def _place(context, builder, kind, array, row):
 
     `kind` is the array's numba type; `array` and `row` are LLVM values.
     """
-    found = context.make_array(kind)(context, builder, array)
-    start = builder.bitcast(found.data, ir.IntType(8).as_pointer())
+    struct = context.make_array(kind)(context, builder, array)
+    start = builder.bitcast(struct.data, ir.IntType(8).as_pointer())
     if row is not None:
-        start = builder.gep(start, [builder.mul(row, builder.extract_value(found.strides, 0))])
+        start = builder.gep(start, [builder.mul(row, builder.extract_value(struct.strides, 0))])
     return builder.bitcast(start, _VECTOR.as_pointer())
 
 

@@ -70,10 +70,10 @@ def _run_together(tasks):
     if len(tasks) == 1:
         tasks[0]()
         return
-    others = [_pool().submit(task) for task in tasks[1:]]
+    futures = [_pool().submit(task) for task in tasks[1:]]
     try:
         tasks[0]()
     finally:
-        concurrent.futures.wait(others)
-    for other in others:
-        other.result()
+        concurrent.futures.wait(futures)
+    for future in futures:
+        future.result()

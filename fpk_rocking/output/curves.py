@@ -84,7 +84,7 @@ def _message(results, compared):
     `results` are of the class `SurvivalResult`, and `compared` are the `Comparison` of all but the first with it.
     """
     ends = ", ".join(f"{result.survival[-1]:.3f}" for result in results)
-    apart = max(float(np.abs(one.difference).max()) for one in compared)
+    apart = max(float(np.abs(comparison.difference).max()) for comparison in compared)
     return f"Survival in the end {ends}; the largest difference is {apart:.2g}"
 
 

@@ -74,7 +74,7 @@ def _account(result):
 
     The last one has seed, steps and seconds.
     """
-    yield from (one.message for one in result.diagnostics if one.value is not None and one.message)
+    yield from (figure.message for figure in result.diagnostics if figure.value is not None and figure.message)
     settings = {} if result.deterministic else {"seed {}": result.metadata.get("seed")}
     if getattr(result, "method", "exact") != "exact":
         settings["{} steps a cycle"] = result.steps_per_cycle

@@ -202,8 +202,8 @@ def _meshio_mesh(points, cells, values, cell_data):
 def _field_values(result, cycle) -> dict[str, float]:
     """Numbers of a row (`cycle`) of a `SurvivalResult` that are the field data of its file, by name."""
     left, right = result.overturned[cycle]
-    own = {} if result.realizations else {"negative_mass": result.negative_mass}
-    return own | {
+    fields = {} if result.realizations else {"negative_mass": result.negative_mass}
+    return fields | {
         "cycle": cycle,
         "tau": result.times[cycle],
         "survival": result.survival[cycle],

@@ -84,7 +84,7 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
         axes.set_title(_title(result, cycle))
 
     panels = {"survival": survival, "bins": bins, "density": density}
-    return [panels[one] for one in ([what] if what else ["survival", "bins"])]
+    return [panels[name] for name in ([what] if what else ["survival", "bins"])]
 
 
 def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:

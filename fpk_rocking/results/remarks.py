@@ -115,9 +115,8 @@ def cautions(*results: Any) -> tuple[str, ...]:
     `results` are of the class `Result`, with an engine. A picture has room for these alone; the `remarks` stand in
     tables and files.
     """
-    sentences = (
-        f"{one.engine}: {reason}" for one in results if one.trust.verdict != VERDICTS[0] for reason in one.trust.reasons
-    )
+    doubtful = (result for result in results if result.trust.verdict != VERDICTS[0])
+    sentences = (f"{result.engine}: {reason}" for result in doubtful for reason in result.trust.reasons)
     return tuple(dict.fromkeys(sentences))
 
 
@@ -153,10 +152,10 @@ def baseline_remark(forcings: Iterable[Forcing]) -> str:
             f"{first.pga / STANDARD_GRAVITY:.3g} g, as recorded."
         )
     every = [record.correction for record in records]
-    offset = max(abs(one.offset) for one in every) / STANDARD_GRAVITY
+    offset = max(abs(drift.offset) for drift in every) / STANDARD_GRAVITY
     ratios = {
-        "PGV": sorted(one.corrected_pgv / one.pgv for one in every if one.pgv > 0.0),
-        "PGA": sorted(one.corrected_pga / one.pga for one in every if one.pga > 0.0),
+        "PGV": sorted(drift.corrected_pgv / drift.pgv for drift in every if drift.pgv > 0.0),
+        "PGA": sorted(drift.corrected_pga / drift.pga for drift in every if drift.pga > 0.0),
     }
     texts = (f"{name} by {values[0]:.3g} to {values[-1]:.3g}" for name, values in ratios.items() if values)
     return (

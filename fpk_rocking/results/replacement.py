@@ -74,8 +74,8 @@ class Replacement:
     @property
     def plain(self) -> dict[str, Any]:
         """Everything as plain values by name, for JSON."""
-        own = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return plain(own | {"columns": ["survival", "overturned left", "overturned right"]})
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return plain(values | {"columns": ["survival", "overturned left", "overturned right"]})
 
 
 def measured(density: Any, paths: Any) -> Replacement:

@@ -52,8 +52,8 @@ class Dataset(NamedTuple):
         """
         for name, variable in self.variables.items():
             dims, values = _pair(name, variable)
-            others = [dim for dim in dims if dim not in self.rows]
-            if len(others) < len(dims) and all(self._labels(dim) for dim in others):
+            columns = [dim for dim in dims if dim not in self.rows]
+            if len(columns) < len(dims) and all(self._labels(dim) for dim in columns):
                 yield name, dims, _computed(values)
 
     def table(self) -> dict[str, Array]:
@@ -65,7 +65,7 @@ class Dataset(NamedTuple):
         places = [(name, *_pair(name, values)) for name, values in self.coordinates.items()]
         sizes = [len(self.coordinates[dim]) for dim in self.rows]
         columns = {}
-        for name, dims, values in [*(one for one in places if set(one[1]) <= set(self.rows)), *self.in_rows()]:
+        for name, dims, values in [*(entry for entry in places if set(entry[1]) <= set(self.rows)), *self.in_rows()]:
             ordered = sorted(dims, key=lambda dim: self.rows.index(dim) if dim in self.rows else len(self.rows))
             array = np.transpose(np.asarray(values), [dims.index(dim) for dim in ordered])
             labels = [self._labels(dim) for dim in ordered if dim not in self.rows]
@@ -169,12 +169,12 @@ class Result:
         fields: Any = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
         values = {field.name: getattr(self, field.name) for field in fields}
         plain_fields = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
-        return plain_fields | {one.name: one.value for one in self.diagnostics if one.value is not None}
+        return plain_fields | {figure.name: figure.value for figure in self.diagnostics if figure.value is not None}
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences beside this result: about the scene, its noise, and diagnostics of the model."""
-        observations = (one.message for one in self.diagnostics if one.value is None)
+        observations = (diagnostic.message for diagnostic in self.diagnostics if diagnostic.value is None)
         return tuple(dict.fromkeys((*scene_remarks(self), *observations)))
 
     def summary(self) -> dict[str, Any]:
@@ -231,8 +231,10 @@ class Result:
         Single numbers and texts of `metadata`, the verdict "trust" and its "reasons" are attributes of the dataset.
         """
         about = self._figures() | {"trust": self.trust.verdict, "reasons": " ".join(self.trust.reasons)}
-        pairs = [{name: _pair(name, one) for name, one in group.items()} for group in self.dataset()[:2]]
-        copies = [{name: (dims, np.array(_computed(values))) for name, (dims, values) in one.items()} for one in pairs]
+        groups = [{name: _pair(name, values) for name, values in group.items()} for group in self.dataset()[:2]]
+        copies = [
+            {name: (dims, np.array(_computed(values))) for name, (dims, values) in group.items()} for group in groups
+        ]
         return _optional("xarray").Dataset(*copies, about)
 
     def _figures(self):

@@ -135,7 +135,7 @@ def _nested(annotation):
 
     None of any other annotation.
     """
-    options = [one for one in typing.get_args(annotation) if one is not type(None)]
+    options = [option for option in typing.get_args(annotation) if option is not type(None)]
     cls = options[0] if len(options) == 1 else annotation
     return (cls, cls is not annotation) if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls) else None
 
@@ -195,9 +195,9 @@ def _check(name, value, annotation, lengths):
     code, *dims = form.split()
     fits = isinstance(value, np.ndarray) and value.dtype == np.dtype(code) and value.ndim == len(dims)
     if not fits or not all(_fits(*pair, lengths) for pair in zip(value.shape, dims, strict=True)):
-        others = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
-        got = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else repr(value)
-        raise ValueError(f"{name}: got {got}, accepted: {form!r} with {others}")
+        sizes = ", ".join(f"{letter} = {length}" for letter, length in lengths.items())
+        description = f"{value.dtype} of shape {value.shape}" if isinstance(value, np.ndarray) else repr(value)
+        raise ValueError(f"{name}: got {description}, accepted: {form!r} with {sizes}")
 
 
 def _fits(length, dim, lengths):

@@ -134,14 +134,15 @@ class SurvivalResult(RowResult):
     def overturning_error(self) -> float | None:
         """Error of the last probability of overturning in parts of it; None where nothing is random.
 
-        Of a sample half the width of the 95 % interval; where no path has overturned, in parts of one path's share. Of
-        a density the total error, or the solver's where the replacement of the noise was not checked.
+        Of a sample half the width of the 95 % interval; None where no path has overturned, as that interval is then the
+        answer: the probability is below its limit. Of a density the total error, or the solver's where the replacement
+        of the noise was not checked.
         """
         if self.deterministic:
             return None
         over, total = 1.0 - float(self.survival[-1]), getattr(self, "total_error", None)
         if self.interval is not None:
-            return 0.5 * float(np.diff(self.interval[-1])[0]) / max(over, 1.0 / self.realizations)
+            return 0.5 * float(np.diff(self.interval[-1])[0]) / over if over > 0.0 else None
         error = self.error_estimate if total is None else float(total[-1, 0])
         return error / max(over, LEAST_OVERTURNING)
 

@@ -121,12 +121,12 @@ def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
     Trust
     """
     diagnostics = list(dict.fromkeys(diagnostics))
-    judged = [one for one in diagnostics if one.value is not None and one.message]
+    judged = [diagnostic for diagnostic in diagnostics if diagnostic.value is not None and diagnostic.message]
     if not (judged or reason):
         diagnostics.append(Diagnostic(CAUTION, "No error is estimated.", "unjudged"))
-    against = sorted((one for one in diagnostics if one.severity), key=lambda one: -one.severity)
+    against = sorted(filter(lambda d: d.severity, diagnostics), key=lambda d: -d.severity)
     if against:
-        return Trust(VERDICTS[against[0].severity], tuple(one.message for one in against))
+        return Trust(VERDICTS[against[0].severity], tuple(diagnostic.message for diagnostic in against))
     return Trust(VERDICTS[0], (judged[0].message if judged else reason,))
 
 
@@ -136,8 +136,8 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
     Parameters
     ----------
     values : dict
-        Figures by the names of `DIAGNOSTICS`: numbers, or arrays of which the largest counts. Other names are passed
-        over.
+        Figures by the names of `DIAGNOSTICS`: numbers, or arrays with an entry for each time, of which the largest
+        counts. Where the last one alone could be used there is caution at most. Other names are passed over.
     tol, bins_tol : float
         Errors of survival and of the binned density that were asked for.
 
@@ -147,18 +147,21 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
         In the order of `DIAGNOSTICS`.
     """
     diagnostics = []
-    for name, (what, caution, unusable) in _limits(tol, bins_tol, values).items():
+    for name, (figure, caution, unusable) in _limits(tol, bins_tol, values).items():
         if np.size(values.get(name, ())) == 0:
             continue
         value = float(np.max(values[name]))
         if math.isinf(caution):
             diagnostics.append(Diagnostic(0, "", name, value))
         elif value <= caution:  # written so that nan is not within a limit
-            text = f"The {what} is {_beside(value, caution)}, within {caution:.2g}."
+            text = f"The {figure} is {_beside(value, caution)}, within {caution:.2g}."
             diagnostics.append(Diagnostic(0, text, name, value))
         else:
-            severity, limit = (CAUTION, caution) if value <= unusable else (UNUSABLE, unusable)
-            text = f"The {what} is {_beside(value, limit)}, above {limit:.2g}."
+            last = float(np.max(values[name][-1])) if np.ndim(values[name]) else value
+            limit = caution if value <= unusable else unusable
+            severity = CAUTION if value <= unusable or last <= unusable else UNUSABLE
+            text = f"The {figure} is {_beside(value, limit)}, above {limit:.2g}."
+            text += f" At the last time it is {last:.2g}." * (last <= limit)
             diagnostics.append(Diagnostic(severity, text, name, value))
     return diagnostics
 
@@ -195,6 +198,7 @@ def _limits(tol, bins_tol, values=()):
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),
+        "rate_error": ("relative standard error of the rate", 0.2, 0.5),
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
         "rest_error_estimate": ("estimated error of the probability of being at rest", *never),
         "truncated": ("probability truncated beyond the largest velocity of the mesh", tol, useless),

@@ -6,10 +6,11 @@ intensity. `IntensityCurve.of` reads the curve, over all records of a suite. `an
 """
 
 from fpk_rocking.risk.export import to_nrml, to_pelicun
-from fpk_rocking.risk.hazard import Hazard, Risk, annual_frequency
+from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.rate import Risk, annual_frequency
 from fpk_rocking.risk.study import Study, study
+from fpk_rocking.studies.motions import at_intensity
 from fpk_rocking.studies.pooled import IntensityCurve
-from fpk_rocking.studies.scenes import at_intensity
 
 __all__ = [
     "Hazard",

@@ -8,19 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, File, not_none
+from fpk_rocking.base.types import File, not_none
 from fpk_rocking.output.report import json_html, left_out, table_html, write_page
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.style import picture_html
-from fpk_rocking.risk.hazard import Risk
 from fpk_rocking.scene.body import LENGTHS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
+from fpk_rocking.studies.motions import intensity_of, measured, motion_lines, motion_names
 from fpk_rocking.studies.picture import draw_curve, logarithmic
-from fpk_rocking.studies.scenes import intensity_of, measured, motion_lines, motion_names
 
 _CITE = (
     "fpk-rocking, version {version}: densities and ensembles of rocking blocks under noisy periodic excitation. The "
@@ -48,13 +47,12 @@ def write_risk_report(path: File, study: Any) -> int:
     int
         Size of the file in bytes.
     """
-    risk = study.risk
-    curve, scenes = risk.curve, study.motions
-    title = f"{study.name}: {risk.title}"
-    lines = motion_lines(study.motion_table, curve.measure)  # the table of the motions says the same
-    words = [text for text in study.text().splitlines() if not text.startswith("trust: ")]
+    risk, curve, scenes = study.risk, study.curve, study.motions
+    title = f"{study.name}: {study.title}"
+    lines = motion_lines(study.table(), curve.measure)  # the table of the motions says the same
+    first, *words = (text for text in study.text().splitlines() if not text.startswith("trust: "))
     parts = [
-        *(f"<p>{html.escape(_untitled(text, risk))}</p>" for text in risk.sentences if text not in study.trust.reasons),
+        f"<p>{html.escape(_untitled(first, study.title))}</p>",
         study.trust.html,
         "<h2>Block</h2>",
         _block(study.scene, study.draws),
@@ -64,19 +62,10 @@ def write_risk_report(path: File, study: Any) -> int:
         table_html(_motions(study)),
         f"<h2>P({html.escape(curve.name)})</h2>",
         _picture(lambda _, axes: draw_curve(axes, curve, study.records), "Probability against intensity"),
-        "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in {*risk.sentences, *lines}),
+        "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in lines),
         _sources(curve),
         table_html(_points(curve)),
-        "<h2>Hazard and risk</h2>",
-        _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard"),
-        f"<p>Exceeded {risk.hazard.law} times a year (im in {curve.unit}).</p>"
-        if risk.hazard.law
-        else table_html(
-            {
-                f"{curve.measure}, {curve.unit}": _digits(risk.hazard.intensity),
-                "exceeded, 1/year": _digits(risk.hazard.rate),
-            }
-        ),
+        *(_hazard(risk) if risk else ()),
         "<h2>What is left out</h2>",
         f"<p>{html.escape(left_out(scenes, scatter=not _scatters(study.draws)))} {_LEFT}</p>",
         "<h2>How to cite</h2>",
@@ -97,9 +86,19 @@ def _picture(panel, meaning):
     return picture_html(figure_of(panel), meaning, dots=150)
 
 
-def _untitled(text, risk):
-    """Return a sentence of a risk without the headline that stands above it."""
-    rest = text.removeprefix(f"{risk.title}: ")
+def _hazard(risk):
+    """Yield heading, picture, and law or table of the hazard of a `Risk`, in HTML."""
+    yield "<h2>Hazard and risk</h2>"
+    yield _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard")
+    measure, hazard = f"{risk.curve.measure}, {risk.curve.unit}", risk.hazard
+    table = {measure: _digits(hazard.intensity), "exceeded, 1/year": _digits(hazard.rate)}
+    law = f"<p>Exceeded {hazard.law} times a year (im in {risk.curve.unit}).</p>"
+    yield law if hazard.law else table_html(table)
+
+
+def _untitled(text, title):
+    """Return a sentence without the title of the page that it begins with."""
+    rest = text.removeprefix(title).lstrip(":. ")
     return rest[0].upper() + rest[1:]
 
 
@@ -191,17 +190,16 @@ def _noise(scene):
 
 def _motions(study):
     """Table of the motions as they are: name, seconds, PGA, PGV, and without noise what each does."""
-    table = dict(study.motion_table)
+    table, curve = study.table(), study.curve
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
     names |= {"peak_rotation": "largest |θ|/α", "critical_scale": "critical scale"}
-    names["critical_intensity"] = f"critical {study.risk.curve.measure}, {study.risk.curve.unit}"
+    names["critical_intensity"] = f"critical {curve.measure}, {curve.unit}"
     events = [getattr(scene.forcing, "event", "") for scene in study.recorded]
     named = [", ".join(filter(None, pair)) for pair in zip(table["motion"].tolist(), events, strict=True)]
     head = {"motion": np.array(named), "seconds": _digits(lasting)}
     if "critical_scale" not in table:
-        measure, intensity = study.risk.curve.measure, study.risk.curve.intensity[[0, -1]]
-        ends = [intensity / intensity_of(scene, measure) for scene in study.recorded]
+        ends = [curve.intensity[[0, -1]] / intensity_of(scene, curve.measure) for scene in study.recorded]
         head["factors"] = np.array([f"{low:.3g} to {high:.3g}" for low, high in ends])
     kept = {text: table[name] for name, text in names.items() if name in table}
     return head | {
@@ -229,28 +227,28 @@ def _digits(values):
     return np.array([f"{value:.4g}" if math.isfinite(value) else "" for value in values])
 
 
-def risk_figure(path: File, risk: Risk, records: Array) -> None:
-    """Draw a risk as a page: curve, hazard and contributions.
+def risk_figure(path: File, study: Any) -> None:
+    """Draw a study as a page: the curve with its motions, and where there is a hazard the contributions to the rate.
 
     Parameters
     ----------
     path : str or pathlib.Path
         PNG file to write.
-    risk : Risk
-    records : ndarray, shape (r, n)
-        Probabilities of each record at the curve's intensities.
+    study : Study
     """
-    title = f"{risk.title[0].upper()}{risk.title[1:]}"
-    with style.page(path, (11.0, 5.2), title, risk.sentences) as figure:
-        left, right = figure.subplots(1, 2)
-        draw_curve(left, risk.curve, records)
-        draw_contributions(right, risk)
-        left.set_title(f"(a) P({risk.curve.name})")
-        right.set_title("(b) Where the rate comes from")
+    risk, title = study.risk, f"{study.title[0].upper()}{study.title[1:]}"
+    notes = risk.sentences if risk else [study.curve.describe()]
+    with style.page(path, (11.0 if risk else 6.5, 5.2), title, notes) as figure:
+        left, *right = np.atleast_1d(figure.subplots(1, 2 if risk else 1))
+        draw_curve(left, study.curve, study.records)
+        if risk:
+            draw_contributions(right[0], risk)
+            left.set_title(f"(a) P({study.curve.name})")
+            right[0].set_title("(b) Where the rate comes from")
 
 
-def draw_contributions(axes: Any, risk: Risk) -> None:
-    """Draw the share of the frequency that intensities have, and the hazard on an axis of its own."""
+def draw_contributions(axes: Any, risk: Any) -> None:
+    """Draw the share of the frequency that intensities have by a `Risk`, and the hazard on an axis of its own."""
     if risk.rate > 0.0:
         look = {"align": "edge", "color": style.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
         axes.bar(risk.edges[:-1], 100.0 * risk.contribution, np.diff(risk.edges), **look)

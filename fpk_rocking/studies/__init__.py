@@ -13,9 +13,10 @@ from fpk_rocking.studies.critical import CriticalIntensities, critical_intensiti
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.drawing import Draws, drawn, synthetic_records
 from fpk_rocking.studies.lognormal import Ranking, ranked
+from fpk_rocking.studies.motions import Intensities, intensities
 from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import Grid, Intensities, grid, intensities, resized, scaled
+from fpk_rocking.studies.scenes import Grid, grid, resized, scaled
 from fpk_rocking.studies.sweeping import Sweep, sweep
 from fpk_rocking.studies.tasks import SlendernessCost, checked, slenderness_cost, solve_checked
 

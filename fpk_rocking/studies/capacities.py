@@ -50,8 +50,8 @@ class Capacities(NamedTuple):
     --------
     >>> import numpy as np
     >>> from fpk_rocking.studies.capacities import Capacities
-    >>> found = Capacities.of(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]), 1, [0, 1])
-    >>> print(np.exp(found.low), np.exp(found.high))
+    >>> bracketed = Capacities.of(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]), 1, [0, 1])
+    >>> print(np.exp(bracketed.low), np.exp(bracketed.high))
     [1. 2.] [2. 4.]
     """
 
@@ -133,7 +133,7 @@ class Capacities(NamedTuple):
         if not steady.any():
             return cls(low, high, middle, error, motion)
         rows, medians, spreads, errors = rows[steady], medians[steady], spreads[steady], errors[steady]
-        own = np.array([np.mean(spreads[motion[rows] == one] ** 2) for one in np.unique(motion[rows])])
+        own = np.array([np.mean(spreads[motion[rows] == number] ** 2) for number in np.unique(motion[rows])])
         noise = math.sqrt(own.mean())
         scatter = own.std(ddof=1) / math.sqrt(own.size) if own.size > 1 else 2.0 * own[0] * errors[0, 1]
         # Of a row too poor for a dispersion of its own each sample says where the middle is, given the common one.
@@ -294,13 +294,13 @@ class Capacities(NamedTuple):
         from scipy import stats
 
         rows, motions = self.mean_of.shape
-        scores = np.array([scipy.special.ndtri((stats.rankdata(one) - 0.5) / rows) for one in drawn.values()])
+        scores = np.array([scipy.special.ndtri((stats.rankdata(column) - 0.5) / rows) for column in drawn.values()])
         free = rows - motions - len(scores)
         if free > 0:
-            capacity, scores = (one - (one @ self.mean_of)[:, self.motion] for one in (capacity, scores))
+            capacity, scores = (values - (values @ self.mean_of)[:, self.motion] for values in (capacity, scores))
         else:
             free = rows - 1 - len(scores)
-            capacity, scores = (one - one.mean(axis=1, keepdims=True) for one in (capacity, scores))
+            capacity, scores = (values - values.mean(axis=1, keepdims=True) for values in (capacity, scores))
         inverse = np.linalg.pinv(scores @ scores.T)
         slopes = capacity @ scores.T @ inverse
         variance = ((capacity - slopes @ scores) ** 2).sum(axis=1).mean() / max(free, 1)
@@ -311,9 +311,9 @@ class Capacities(NamedTuple):
         }
 
     def _imputed(self, at, variance, exact, precision, rng):
-        """Draw capacities (samples, m) that are normal about (samples, m or 1), given what is known of each."""
-        known = np.isfinite(self.error)
-        gain = np.where(known, precision * variance / (1.0 + precision * variance), 0.0)
+        """Draw capacities (samples, m) that are normal about (samples, m or 1), within what is measured."""
+        estimated = np.isfinite(self.error)
+        gain = np.where(estimated, precision * variance / (1.0 + precision * variance), 0.0)
         middle, width = at + gain * (self.middle - at), np.sqrt(variance * (1.0 - gain))
         low, high = (self.low - middle) / width, (self.high - middle) / width
         # Tails are drawn on the side where the normal distribution has its digits.

@@ -1,23 +1,12 @@
-"""Critical intensities: from which scale of a motion on a block without noise overturns, and where it stands again.
-
-What one path comes to is a function of the scale that jumps between standing and overturning. The jumps are bracketed
-by a scan in the logarithm of the scale and then halved. The scan is coarse where the block hardly rocks, and fine where
-it overturns or comes within sight of it.
-
-The function is a fractal: of the intervals that a scan five times as fine shows under 238 motions of a shake table,
-three in four are narrower than `FINE`, and two in five of all are missed. They change the mean of the probability by
-2e-4 at most, for those of overturning and those of standing balance. But the lowest scale at which a motion overturns
-falls on and on as the scan gets finer; taken for the capacity it made a rate 1.3 to 1.4 times as large. So the critical
-scale is that from which the block overturns over a part of `FINE` at least (1.05 times).
-"""
+"""Critical intensities: the lowest intensity of each motion from which it overturns a block without noise."""
 
 import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -33,133 +22,13 @@ from fpk_rocking.results.times import result_times
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
-from fpk_rocking.studies.scenes import (
-    checked_scenes,
-    intensity_of,
-    measure_of,
-    measured,
-    motion_names,
-    recorded_scenes,
-)
-from montecarlo.engines import engine_of, task_of
-from montecarlo.engines.scales import Outcomes, ScaledPaths
+from fpk_rocking.studies.jumps import MotionOutcomes, first_scale, kernels_of, overturns, search
+from fpk_rocking.studies.motions import intensity_of, measure_of, measured, motion_names, recorded_scenes
+from fpk_rocking.studies.scenes import checked_scenes
 from montecarlo.results.ensemble import EXACT_PATH
-
-COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
-"""Steps of the scan in the logarithm of the scale, and the width to which a jump is bracketed. FINE is COARSE halved
-twice. All intervals wider than FINE are met but those that CALM hides: 3 and 5 in 1,000, for two blocks."""
-
-CALM = 0.125
-"""Part of the angle of overturning below which a path counts as far from it: the coarse scan does there."""
 
 LARGEST_FACTOR = 5.0
 """Factor of a motion's own acceleration above which there is a caution."""
-
-
-def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
-    """Scales at which what a path comes to changes, ascending: odd ones begin to overturn, even ones to stand.
-
-    Parameters
-    ----------
-    paths : ScaledPaths
-    low, high : float
-        Range of scales, above 0. At the lowest a block has to stand; if it does not, that is the first jump.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Each right to `EDGE`.
-    """
-    scales = np.append(low * np.exp(COARSE * np.arange(math.ceil(math.log(high / low) / COARSE))), high)
-    found = paths(scales)
-    while True:
-        over, gap = found.overturned, np.diff(np.log(scales))
-        jump, calm = over[1:] != over[:-1], np.maximum(found.peak[1:], found.peak[:-1]) < CALM * paths.cutoff
-        split = np.where(jump, gap > EDGE, ~calm & (gap > FINE * (1.0 + 1e-9)))
-        middles = np.sqrt(scales[1:] * scales[:-1])
-        if not split.any():
-            return np.append(low, middles[jump]) if over[0] else middles[jump]
-        places = np.flatnonzero(split) + 1
-        more = paths(middles[split])
-        scales = np.insert(scales, places, middles[split])
-        found = Outcomes(*(np.insert(old, places, new) for old, new in zip(found, more, strict=True)))
-
-
-def overturns(jumps: Array, scales: ArrayLike) -> Array:
-    """Whether a block overturns at scales (n,), by its jumps (m, k) with nan at their ends: (m, n)."""
-    return (jumps[:, None, :] <= np.asarray(scales, float)[:, None]).sum(axis=-1) % 2 == 1
-
-
-def first_scale(jumps: Array) -> Array:
-    """Lowest scales (m,) from which blocks overturn over a part of `FINE` at least; inf where there is none."""
-    begins = jumps[:, ::2]
-    ends = np.full(begins.shape, math.inf)
-    ends[:, : jumps.shape[1] // 2] = np.nan_to_num(jumps[:, 1::2], nan=math.inf)
-    with np.errstate(invalid="ignore"):
-        wide = ends >= math.exp(FINE) * begins
-    return np.where(wide, begins, math.inf).min(axis=1, initial=math.inf)
-
-
-class MotionOutcomes(NamedTuple):
-    """What s scenes without noise come to over their scales, and at their own.
-
-    Parameters
-    ----------
-    jumps : ndarray, shape (s, l + 1, k)
-        Scales, ascending, from which a block overturns (the first, third, ...) or stands (the second, fourth, ...), nan
-        behind the last; [:, 1:] from which it reaches each of l levels.
-    peak : ndarray, shape (s,)
-        Largest |Θ| = |θ|/θ_cr at scale 1; where the block overturns that of overturning.
-    overturn_time : ndarray, shape (s,)
-        Time τ of overturning at scale 1, nan where the block stands.
-    overturn_side : ndarray, shape (s,)
-        -1 (left) or 1 (right), 0 where it stands.
-    """
-
-    jumps: Annotated[Array, "f8 s l+1 k"]
-    peak: Annotated[Array, "f8 s"]
-    overturn_time: Annotated[Array, "f8 s"]
-    overturn_side: Annotated[Array, "i1 s"]
-
-    @property
-    def critical(self) -> Array:
-        """Lowest scale (s,) from which each scene overturns over 1 % at least; inf for one that does not."""
-        return first_scale(self.jumps[:, 0])
-
-    @classmethod
-    def of(cls, values: Sequence[dict[str, Any]], curves: int = 1) -> "MotionOutcomes":
-        """Return the outcomes of what `search` has returned for each scene and each of its curves, in this order."""
-        own = values[::curves]
-        rows = _padded([one.get("jumps", ()) for one in values])
-        return cls(
-            rows.reshape(len(own), curves, rows.shape[1]),
-            np.array([one.get("peak") for one in own], float),
-            np.array([one.get("overturn_time") for one in own], float),
-            np.array([one.get("overturn_side", 0) for one in own], np.int8),
-        )
-
-
-def search(scene: Scene, *, seed: int, measure: str, highest: float, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
-    """Follow a scene without noise over its scales; return jumps, and what it comes to at its own scale, by name."""
-    paths = ScaledPaths(scene, **lasting)
-    (overturn_time,), (side,), (peak,) = paths([1.0])
-    high = highest if measure == "scale" else highest / intensity_of(scene, measure)
-    low = paths.least_scale or 1e-3 * high
-    return {
-        "jumps": jumps(paths, low, high).tolist() if low < high else [],
-        "peak": float(peak),
-        "overturn_time": None if math.isnan(overturn_time) else float(overturn_time),
-        "overturn_side": int(side),
-    }
-
-
-def kernels_of(
-    task: Callable[..., Any],  # noqa: ARG001  (as `tasks.kernels_of`)
-    scenes: Iterable[Scene],
-    options: dict[str, Any],  # noqa: ARG001
-) -> list[str]:
-    """Return the names in `base.precompilation` of the kernels of the paths of some scenes."""
-    return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -195,8 +64,8 @@ class CriticalIntensities(Saved, Result):
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import critical_intensities, synthetic_records
     >>> block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
-    >>> found = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
-    >>> print(found.critical.round(2), found.factor.round(1))
+    >>> suite = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
+    >>> print(suite.critical.round(2), suite.factor.round(1))
     [0.92 0.97 0.69 0.86 0.53] [2.8 4.2 1.8 3.5 2.1]
     """
 
@@ -254,13 +123,19 @@ class CriticalIntensities(Saved, Result):
     def remarks(self) -> tuple[str, ...]:
         """Sentences that a reader of this result needs: corrected baselines, and what is not to be trusted."""
         baseline = baseline_remark(scene.forcing for scene in self.scenes)
-        return tuple(filter(None, dict.fromkeys((baseline, *(one.message for one in self.model_diagnostics())))))
+        return tuple(
+            filter(None, dict.fromkeys((baseline, *(diagnostic.message for diagnostic in self.model_diagnostics()))))
+        )
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Diagnostics of the model, each once, and of motions that are scaled far."""
         ranges = [(1.0, max(1.0, most)) for most in (self.highest / self.own).tolist()]
         pairs = zip(self.scenes, ranges, strict=True)
-        of_scenes = {one.kind: one for scene, scales in pairs for one in scene_diagnostics(scene, "", scales=scales)}
+        of_scenes = {
+            diagnostic.kind: diagnostic
+            for scene, scales in pairs
+            for diagnostic in scene_diagnostics(scene, "", scales=scales)
+        }
         return [*of_scenes.values(), *factor_diagnostics(self.factor)]
 
     @property
@@ -304,8 +179,8 @@ class CriticalIntensities(Saved, Result):
 
     def summary(self) -> dict[str, Any]:
         """Metadata, columns and jumps of each motion, verdict and remarks as plain values, for JSON."""
-        found = [row[np.isfinite(row)].tolist() for row in self.jumps]
-        return super().summary() | {"motion": self.names, "jumps": found}
+        jumps = [row[np.isfinite(row)].tolist() for row in self.jumps]
+        return super().summary() | {"motion": self.names, "jumps": jumps}
 
     def plot(self) -> Any:
         """Draw the intervals of overturning of each motion, and its own intensity; returns a matplotlib figure."""
@@ -343,7 +218,7 @@ def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None =
     if critical is not None:
         return critical.table()
     measures = [measured(scene).columns(1.0) for scene in scenes]
-    columns = {name: np.array([one[name] for one in measures]) for name in ("pga_g", "pgv_m_per_s")}
+    columns = {name: np.array([row[name] for row in measures]) for name in ("pga_g", "pgv_m_per_s")}
     return {"motion": np.array(motion_names(scenes))} | columns
 
 
@@ -361,7 +236,7 @@ def side_names(sides: Array) -> Array:
 
 def intervals_text(jumps: Array) -> str:
     """Return the intervals of overturning that lie between jumps (k,) as a text, as in "0.41-0.43; 0.5-"."""
-    texts = [f"{one:.4g}" for one in jumps[np.isfinite(jumps)]]
+    texts = [f"{jump:.4g}" for jump in jumps[np.isfinite(jumps)]]
     return "; ".join(f"{begin}-{end}" for begin, end in zip(texts[::2], [*texts[1::2], ""], strict=False))
 
 
@@ -432,8 +307,8 @@ def critical_intensities(
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.studies import critical_intensities, synthetic_records
     >>> block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
-    >>> found = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
-    >>> print(found.title)
+    >>> suite = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
+    >>> print(suite.title)
     5 of 5 motions overturn the block up to PGV 2 m/s, the first at PGV 0.533 m/s
     """
     started = time.perf_counter()
@@ -448,13 +323,13 @@ def critical_intensities(
         measure_of(measure)
     lasting: dict[str, Any] = {} if cycles is None else {"cycles": int(cycles)}
     lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
-    for number, one in enumerate(scenes):
-        if not one.deterministic:
+    for number, shaken in enumerate(scenes):
+        if not shaken.deterministic:
             accepted = "scenes without noise, whose start has no covariance"
-            raise ValueError(checks.refusal(f"scene[{number}]", one, accepted))
-        result_times(one, cycles, times)
-    own = np.array([1.0 if measure == "scale" else intensity_of(one, measure) for one in scenes])
-    jobs = [Job(number, one, 0) for number, one in enumerate(scenes)]
+            raise ValueError(checks.refusal(f"scene[{number}]", shaken, accepted))
+        result_times(shaken, cycles, times)
+    own = np.array([1.0 if measure == "scale" else intensity_of(shaken, measure) for shaken in scenes])
+    jobs = [Job(number, shaken, 0) for number, shaken in enumerate(scenes)]
     options = {"measure": measure, "highest": highest} | lasting
     rows = run_jobs(search, jobs, options, kernels_of, workers=workers, store=store, progress=progress)
     failed = next((row for row in rows if row["reason"]), None)
@@ -473,11 +348,3 @@ def critical_intensities(
         options=options,
         wall_s=time.perf_counter() - started,
     )
-
-
-def _padded(rows: Sequence[Array]) -> Array:
-    """Return rows of numbers as one array (m, k), with nan behind the last number of a shorter row."""
-    out = np.full((len(rows), max(map(len, rows), default=0)), math.nan)
-    for row, values in zip(out, rows, strict=True):
-        row[: len(values)] = values
-    return out

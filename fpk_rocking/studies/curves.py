@@ -12,8 +12,9 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, File, Progress
 from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies import critical
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
+from fpk_rocking.studies.jumps import MotionOutcomes, overturns, search
+from fpk_rocking.studies.jumps import kernels_of as kernels_of_paths
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import checked_scenes, grid, scaled
 from fpk_rocking.studies.tasks import TASKS, kernels_of
@@ -125,17 +126,17 @@ def fragility(
     running: dict[str, Any] = {"workers": workers, "store": store, "progress": progress}
     if searched:
         bounds = {"measure": "scale", "highest": factors[-1]} | lasting
-        rows = run_jobs(critical.search, jobs, bounds, critical.kernels_of, **running)
+        rows = run_jobs(search, jobs, bounds, kernels_of_paths, **running)
     else:
         rows = run_jobs(TASKS["fpk" if engine == "density" else "mc"], jobs, options, kernels_of, **running)
     values = [row["values"] for row in rows]
     if not any(values):
         raise ValueError(f"scale: the engine answers none of {list(factors)}; the first reason: {rows[0]['reason']}")
-    outcomes = critical.MotionOutcomes.of(values, shape[1]) if searched else None
+    outcomes = MotionOutcomes.of(values, shape[1]) if searched else None
     if outcomes is None:
         probability = np.array([_overturned(row) for row in values])[job_of]
     else:
-        overturned = critical.overturns(outcomes.jumps.reshape(len(rows), -1), factors).reshape(shape)
+        overturned = overturns(outcomes.jumps.reshape(len(rows), -1), factors).reshape(shape)
         probability = np.where(np.array(list(map(bool, values)))[job_of], overturned, np.nan)
     noise = "white" if any(row.get("noise_replacement") for row in values) else engine if shaken != scenes else ""
     replaced = (

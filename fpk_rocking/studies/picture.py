@@ -12,7 +12,7 @@ from fpk_rocking.output.tables import text_table, verdict_first
 from fpk_rocking.results import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.times import SETTLING
-from fpk_rocking.studies.scenes import motion_lines
+from fpk_rocking.studies.motions import motion_lines
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "message", "small_figure", "surface_figure"]
 

@@ -1,4 +1,4 @@
-"""The probability of a limit state of a motion drawn from a population: one curve from the outcomes under several."""
+"""The probability of a limit state of a motion drawn from a population, from the outcomes under several."""
 
 import dataclasses
 import math
@@ -18,7 +18,7 @@ from fpk_rocking.studies.capacities import Capacities
 from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, fit_rows
-from fpk_rocking.studies.scenes import intensity_of, measure_of
+from fpk_rocking.studies.motions import intensity_of, measure_of
 
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
@@ -68,8 +68,8 @@ class IntensityCurve(Result):
     >>> from fpk_rocking.studies import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> curve = IntensityCurve.of(found, "PGV")
+    >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> curve = IntensityCurve.of(curves, "PGV")
     >>> print(curve.probability.round(2), f"median {curve.fit.median:.2f} {curve.unit}")
     [0.11 0.32 0.55 0.68] median 0.69 m/s
     """
@@ -142,28 +142,32 @@ class IntensityCurve(Result):
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """What speaks against the curve: its scenes, its fit, and how little so many motions tell."""
-        found = list(self.model)
+        diagnostics = list(self.model)
         if self.fit.rejected:
             sentence = f"The lognormal fit is rejected ({self.fit.rejected}): it is off by up to {self.fit.misfit:.2g}."
-            found.append(Diagnostic(CAUTION, f"{sentence} Use the probabilities themselves.", "fit"))
+            diagnostics.append(Diagnostic(CAUTION, f"{sentence} Use the probabilities themselves.", "fit"))
         half = float(0.5 * np.diff(self.interval).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else "scene"
         sentence = (
             f"For others of their kind {self.units} {what} tell the probabilities to ±{half:.2g} at worst (95 %)."
         )
-        return [*found, Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
+        return [*diagnostics, Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the scenes, the noise and the model."""
         of = (*(scene.noise.remark for scene in self.scenes), baseline_remark(scene.forcing for scene in self.scenes))
-        return tuple(dict.fromkeys(filter(None, (*of, *(one.message for one in self.model)))))
+        return tuple(dict.fromkeys(filter(None, (*of, *(diagnostic.message for diagnostic in self.model)))))
 
     @property
     def metadata(self) -> dict[str, Any]:
         """Name, measure, counts, fit and parts of the dispersion, and error figures, by name."""
         fit = {name: value for name, value in self.fit._asdict().items() if name != "level"}
-        return super().metadata | fit | {"sources": self.sources, "source_errors": self.source_errors}
+        return (
+            super().metadata
+            | fit
+            | {"intensity": self.intensity, "sources": self.sources, "source_errors": self.source_errors}
+        )
 
     def dataset(self) -> Dataset:
         """Probability with its limits, and that of the lognormal fit, over the intensity in its unit."""
@@ -263,7 +267,7 @@ class IntensityCurve(Result):
         motion = origin if records.size > 1 else np.arange(len(shares))
         if fragility.motions is not None:
             rows = at_one[0] * fragility.motions.jumps[:, which]
-            common["jumps"] = np.stack([rows[motion == one] for one in np.unique(motion)])
+            common["jumps"] = np.stack([rows[motion == number] for number in np.unique(motion)])
         if len(shares) > 1:
             if fragility.motions is None:
                 capacities = Capacities.of(intensity, shares, trials, motion)

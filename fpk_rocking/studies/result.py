@@ -15,11 +15,12 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import CriticalIntensities, MotionOutcomes, motion_table
+from fpk_rocking.studies.critical import CriticalIntensities, motion_table
 from fpk_rocking.studies.diagnostics import curve_diagnostics
+from fpk_rocking.studies.jumps import MotionOutcomes
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
+from fpk_rocking.studies.motions import Intensities, measured, motion_names
 from fpk_rocking.studies.pooled import IntensityCurve
-from fpk_rocking.studies.scenes import Intensities, measured, motion_names
 from montecarlo.results.ensemble import EXACT_PATH
 
 

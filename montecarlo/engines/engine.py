@@ -118,9 +118,9 @@ class Engine:
         """
         module = types.ModuleType(self.task)
         vars(module).update(functions)
-        own = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{self.task}")
-        own.__qualname__ = own.__name__
-        return kernel(own, file=pathlib.Path(self.file), **options)
+        copy = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{self.task}")
+        copy.__qualname__ = copy.__name__
+        return kernel(copy, file=pathlib.Path(self.file), **options)
 
 
 engine = types.ModuleType("engine")

@@ -242,12 +242,12 @@ def _noise_at_points(values, g, k):
 
     `values` (WIDTH, NODES): as of `Collocation`; g: samples of a chunk, those of this interval from number k on.
     """
-    one = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
-    two = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
+    first = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
+    second = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
     for i in range(4, WIDTH, 4):
-        one = one + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
-        two = two + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
-    return one + two
+        first = first + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
+        second = second + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
+    return first + second
 
 
 @kernel(inline="always")
@@ -332,11 +332,11 @@ def _write_product(strength, noise, base, out):
 
 
 @kernel(inline="always")
-def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
+def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
     """Carry a slender block from `begin` to `end` of interval j; return x, v, side and the time reached.
 
     Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
-    `impacts`. The envelope has the polynomial `strength` (order,) in between. `known`, `last`: for an exact block.
+    `impacts`. The envelope has the polynomial `strength` (order,) in between. `tried`, `last`: for an exact block.
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
@@ -349,11 +349,11 @@ def _advance_slender(x, v, side, j, begin, end, strength, known, last, parameter
 
 
 @kernel(inline="always")
-def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters, workspace, impacts, origin, block):
+def _advance_exact(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):
     """Carry an exact block from `begin` to `end` of interval j; return x, v, side and the time reached.
 
     Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
-    `impacts`. The envelope has the polynomial `strength` (order,) in between. If `known`, `last` is (angle, velocity)
+    `impacts`. The envelope has the polynomial `strength` (order,) in between. If `tried`, `last` is (angle, velocity)
     at `end` of the flight that begins there, unless it meets an event. `parameters`, `workspace`: `Parameters` and
     `Workspace` of `band_noise`.
     """
@@ -361,7 +361,7 @@ def _advance_exact(x, v, side, j, begin, end, strength, known, last, parameters,
     _write_product(strength, workspace.noise, parameters.forced[j], force)
     angle, speed = last
     return collocation.advance_from_flight(
-        force, half, x, v, side, begin, end, block, impacts, origin, known, side * angle, side * speed, acceleration
+        force, half, x, v, side, begin, end, block, impacts, origin, tried, side * angle, side * speed, acceleration
     )
 
 
@@ -378,9 +378,9 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
     of the run.
     """
     (x, v), first = state, parameters.envelope.first
-    spacing, time, known = parameters.grid.spacing, 0.0, False
+    spacing, time, tried = parameters.grid.spacing, 0.0, False
     if share == 1.0:
-        known = side != 0 and not math.isnan(end[0]) and first[j + 1] == first[j] + 1
+        tried = side != 0 and not math.isnan(end[0]) and first[j + 1] == first[j] + 1
     origin = cycle * (parameters.grid.count * spacing) + (number + 0.5) * spacing
     until, begin, block = (share - 0.5) * spacing, -0.5 * spacing, parameters.block
     for piece in range(first[j], first[j + 1]):
@@ -388,7 +388,7 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
         if begin >= until:
             break
         x, v, side, time = _advance(
-            x, v, side, j, begin, stop, strength, known, end, parameters, workspace, impacts, origin, block
+            x, v, side, j, begin, stop, strength, tried, end, parameters, workspace, impacts, origin, block
         )
         if abs(x) >= parameters.block.cutoff:
             return (x, v), side, origin + time

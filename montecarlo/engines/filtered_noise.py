@@ -226,8 +226,9 @@ def draw_next_interval(stream, tables, noise):
 def bound_noise(j, tables, envelope, noise):
     """Write the noise in interval j, less its envelope, as Bernstein coefficients; return bounds (low, high) of it.
 
-    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds are with the envelope: the
-    polynomial lies between its coefficients. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
+    `noise` is a `NoiseWorkspace`: `drawn` (2 n + 2,), with n states of the filter, is read, and the coefficients go to
+    `bernstein` (d + 1,). The bounds are with the envelope: the polynomial lies between its coefficients. `tables`:
+    `NoiseTables`; `envelope`: `EnvelopeTables`.
     """
     low, high = math.inf, -math.inf
     for i in range(noise.bernstein.size):

@@ -197,15 +197,18 @@ def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
     Parameters
     ----------
     path : path
+        File of the checkpoint, a saved `Tally`.
     run : montecarlo.engines.Run
-        What is asked for.
+        The run that goes on from it: scene, times, seed, method, steps and number of realizations.
     empty : Counts
-        Its counts of no realization.
+        Counts of no realization of this run, which have the edges of its bins.
 
     Returns
     -------
     counts : Counts
+        Those of the file, in arrays that can be written to.
     spent : float
+        Seconds that all parts of the run took so far.
 
     Raises
     ------

@@ -123,13 +123,13 @@ def test_a_single_harmonic_of_any_multiple_is_a_harmonic(k):
     """The mean over the phase does not depend on the multiple; within 1e-10 of the flux."""
     for ratio in (0.85, 0.95, 1.1):
         amplitude = 0.5 * 0.375 / ratio * (1.0 + (0.3 * k) ** 2)
-        one, several = (amplitude, 0.3 * k), Harmonics(0.3, (*[0.0] * (k - 1), amplitude), (0.25 * math.pi,) * k)
+        harmonic, several = (amplitude, 0.3 * k), Harmonics(0.3, (*[0.0] * (k - 1), amplitude), (0.25 * math.pi,) * k)
         for sigma in (1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0):
             noise = WhiteNoise(0.5 * sigma**2)
-            flux = melnikov.phase_flux(one, 0.5, noise)
+            flux = melnikov.phase_flux(harmonic, 0.5, noise)
             assert melnikov.phase_flux(several, 0.5, noise) == pytest.approx(flux, rel=1e-10, abs=1e-300)
         assert melnikov.phase_flux(several, 0.5, NoNoise()) == pytest.approx(
-            melnikov.phase_flux(one, 0.5, NoNoise()), rel=1e-10, abs=1e-15
+            melnikov.phase_flux(harmonic, 0.5, NoNoise()), rel=1e-10, abs=1e-15
         )
 
 

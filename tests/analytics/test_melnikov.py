@@ -207,6 +207,6 @@ def test_everything_broadcasts():
         ),
     ],
 )
-def test_refusals(call, error, message):
+def test_bad_arguments_are_refused_by_name(call, error, message):
     with pytest.raises(error, match=message):
         call()

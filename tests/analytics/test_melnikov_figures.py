@@ -27,7 +27,7 @@ def coarse(case, tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", COARSE)
-def test_files(coarse, name):
+def test_their_files_hold_numbers_and_pictures(coarse, name):
     folder, values, _ = coarse[name]
     assert {path.name for path in folder.iterdir()} == {f"{name[:5]}.png", f"{name[:5]}.json"}
     assert json.loads((folder / f"{name[:5]}.json").read_text(encoding="utf-8")) == values
@@ -36,7 +36,7 @@ def test_files(coarse, name):
     assert np.unique((255 * pixels[::4, ::4]).astype(int).reshape(-1, 3), axis=0).shape[0] > 100
 
 
-def test_free_block(coarse):
+def test_orbits_of_the_free_block_have_their_energy_and_area(coarse):
     _, values, module = coarse["fig02_phase_portrait"]
     assert values["barrier"] == 0.5
     assert values["energy_of_the_heteroclinic_orbit"] == pytest.approx([0.5, 0.5], abs=1e-15)
@@ -51,7 +51,7 @@ def test_free_block(coarse):
         assert angle[-1] == pytest.approx(0.0 if energy < 0.5 else math.pi / 2, abs=1e-12)
 
 
-def test_critical_amplitudes(coarse):
+def test_critical_amplitudes_of_fig03_are_the_known_ones(coarse):
     values = coarse["fig03_critical_amplitude"][1]
     place = values["frequencies"].index(4.0)
     assert [row[place] for row in values["without_noise"]] == pytest.approx([3.8675, 3.1875, 2.1675, 0.8075])
@@ -62,10 +62,12 @@ def test_critical_amplitudes(coarse):
     assert [row[place] for row in values["with_noise"]] == pytest.approx([2.9101, 1.9161, 0.0, 0.0], abs=1e-4)
     assert values["amplitude_by_band_at_4"][1][1] == values["with_noise"][1][place]
     root = math.sqrt(2.0)
-    assert values["mean_square_without_noise"][0] == pytest.approx([root * one for one in values["without_noise"][0]])
+    assert values["mean_square_without_noise"][0] == pytest.approx(
+        [root * amplitude for amplitude in values["without_noise"][0]]
+    )
 
 
-def test_fluxes(coarse):
+def test_sampled_fluxes_of_fig04_agree_with_the_corrected_ones(coarse):
     """Sampled values within six standard errors: Student's t of 15, false alarm 2e-5 each (processes: 2e-9)."""
     values = coarse["fig04_phase_flux"][1]
     corrected, noise = np.array(values["corrected"]), BandNoise(0.16, (0.0, 10.0), 100)

@@ -43,8 +43,8 @@ def half_cycles(orbit, phase, state, count):
 
 def test_an_elastic_block_keeps_its_orbit_without_a_force_worth_the_name():
     """At an amplitude whose square is 0 both roots are that of free rocking, and their discriminant is 0."""
-    found = _speeds(1e-200, 2.7, 1.0)
-    assert [found[0], found[-1]] == pytest.approx([math.tanh(0.5 * math.pi / 2.7)] * 2, rel=1e-14)
+    impact_speeds = _speeds(1e-200, 2.7, 1.0)
+    assert [impact_speeds[0], impact_speeds[-1]] == pytest.approx([math.tanh(0.5 * math.pi / 2.7)] * 2, rel=1e-14)
     assert _speeds(1e-200, 2.7, 0.9) == []
 
 
@@ -99,12 +99,12 @@ def test_every_orbit_is_found_and_no_flight_with_an_event_in_between():
         expected = []
         for speed, phase in candidates(*scene):
             name, time = first_end(scene, speed, phase)
-            whole = name == "impact" and time == pytest.approx(math.pi / scene[1], abs=1e-9)
-            ends["orbit" if whole else name] += 1
-            expected += [(speed, phase % (2.0 * math.pi))] if whole else []
-        found = [(orbit.impact_speed, orbit.impact_phase) for orbit in symmetric_orbits(*scene)]
-        assert len(found) == len(expected), scene
-        assert np.array(found) == pytest.approx(np.array(expected), rel=1e-9)
+            half_cycle = name == "impact" and time == pytest.approx(math.pi / scene[1], abs=1e-9)
+            ends["orbit" if half_cycle else name] += 1
+            expected += [(speed, phase % (2.0 * math.pi))] if half_cycle else []
+        orbits = [(orbit.impact_speed, orbit.impact_phase) for orbit in symmetric_orbits(*scene)]
+        assert len(orbits) == len(expected), scene
+        assert np.array(orbits) == pytest.approx(np.array(expected), rel=1e-9)
     assert min(ends[end] for end in ("orbit", "impact", "overturning")) >= 10, ends
 
 

@@ -20,8 +20,8 @@ def _worked(table, number, out):
 
 def test_arithmetic_is_that_of_numbers():
     table, out = np.random.default_rng(3).normal(size=(3, WIDTH + 4)), np.full((5, WIDTH), np.nan)
-    found = _worked(table, 1.7, out)
+    lanes = _worked(table, 1.7, out)
     first, second = table[0, :WIDTH], table[2, :WIDTH]
     wanted = [first + second, first - second, first * second, 1.7 - first * 1.7, second[5] * first]
     assert out == pytest.approx(np.array(wanted), rel=1e-15, abs=1e-15)
-    assert found == pytest.approx(first.sum(), rel=1e-14)
+    assert lanes == pytest.approx(first.sum(), rel=1e-14)

@@ -41,7 +41,7 @@ def test_what_leaves_the_cells_overturns_or_is_lost(force):
     change = operator.at(force)[0] @ density
     losses = operator.losses(density, force)
     assert np.all(losses != 0.0)
-    assert abs(operator.one @ change + losses.sum()) < 1e-14 * np.abs(change).sum()
+    assert abs(operator.unit @ change + losses.sum()) < 1e-14 * np.abs(change).sum()
 
 
 @pytest.mark.parametrize("direction", [1, -1])
@@ -67,7 +67,7 @@ def test_impact_fills_a_cell_from_the_velocities_that_it_takes_there():
     restitution = 0.3
     operator, _ = uneven(restitution)
     space, lines = operator.space, operator.space.velocity_lines
-    flux = eulerian_operator.impact(space.basis(), space, operator.scene) @ operator.one
+    flux = eulerian_operator.impact(space.basis(), space, operator.scene) @ operator.unit
     for direction, column in ((1, space.first_positive), (-1, space.first_positive - 1)):
         ends = np.where(lines * direction > 0.0, np.clip(lines / restitution, lines[0], lines[-1]), 0.0)
         before = np.where(lines * direction < 0.0, lines, 0.0)
@@ -116,8 +116,8 @@ def distance(space, first, second):
 
 @pytest.mark.parametrize(("degree", "cells"), [(2, (16, 24)), (3, (12, 16))])
 def test_flight_converges_to_its_closed_form(degree, cells):
-    found = [distance(*flown(count, degree, 10)) for count in cells]
-    assert eulerian_runs.order(1.0 / np.array(cells), found) == pytest.approx(degree + 1.0, abs=0.15)
+    errors = [distance(*flown(count, degree, 10)) for count in cells]
+    assert eulerian_runs.order(1.0 / np.array(cells), errors) == pytest.approx(degree + 1.0, abs=0.15)
 
 
 @pytest.mark.parametrize("order", [2, 4])
@@ -125,8 +125,8 @@ def test_steps_have_their_order(order, monkeypatch):
     monkeypatch.setattr(eulerian_steps, "TOLERANCE", 1e-12)
     steps = 4, 6, 8
     space, converged, _ = flown(8, 2, 64, SCHEMES[order])
-    found = [distance(space, flown(8, 2, count, SCHEMES[order])[1], converged) for count in steps]
-    assert eulerian_runs.order(1.0 / np.array(steps), found) == pytest.approx(order, abs=0.15)
+    errors = [distance(space, flown(8, 2, count, SCHEMES[order])[1], converged) for count in steps]
+    assert eulerian_runs.order(1.0 / np.array(steps), errors) == pytest.approx(order, abs=0.15)
 
 
 def test_a_cycle_of_the_main_scene_agrees_with_independent_paths():
@@ -134,9 +134,9 @@ def test_a_cycle_of_the_main_scene_agrees_with_independent_paths():
     start = solve_fpk(eulerian_runs.SCENE, cycles=1, tol=1e-2).at(1)
     run = eulerian_runs.Run(eulerian_runs.Row(16, 28, 3, 128), start)
     before = run.mass
-    gone = run.cycle()
+    outflow = run.cycle()
     reference = eulerian_runs.REFERENCE
-    assert abs(run.mass + gone.sum() - before) < 1e-13
+    assert abs(run.mass + outflow.sum() - before) < 1e-13
     assert abs(run.mass - reference["survival"][2]) < 4e-4
     assert distances.l1(run.bins(eulerian_runs.EDGES), reference["probabilities"][1]) < 0.07
 

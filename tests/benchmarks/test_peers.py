@@ -21,15 +21,15 @@ def masses(lines):
 
 
 def test_bins_of_cells_are_of_fourth_order_and_keep_the_mass():
-    sizes, found = (32, 64, 128), []
+    sizes, errors = (32, 64, 128), []
     for size in sizes:
         lines = np.linspace(-1.5, 1.5, size + 1), np.linspace(-3.0, 3.0, size + 1)
         bins = problems.cell_bins(masses(lines), lines, problems.EDGES)
         assert bins.shape == (32, 64)
         assert bins.sum() == pytest.approx(masses(lines).sum(), rel=1e-13)
         edges = [np.clip(edge, line[0], line[-1]) for edge, line in zip(problems.EDGES, lines, strict=True)]
-        found.append(np.abs(bins - masses(edges)).sum())
-    assert -np.polyfit(np.log(sizes), np.log(found), 1)[0] > 3.85
+        errors.append(np.abs(bins - masses(edges)).sum())
+    assert -np.polyfit(np.log(sizes), np.log(errors), 1)[0] > 3.85
 
 
 def test_exponents_of_slow_impacts():

@@ -90,11 +90,11 @@ def test_binning_seconds_give_the_distance(scene):
 def test_references_are_kept_and_are_of_their_scene(monkeypatch, tmp_path):
     monkeypatch.setattr(benchmark, "KEPT", tmp_path)
     scene = Scene(Block(0.5), Harmonic(4.6, 2.7), WhiteNoise(0.006))
-    made = benchmark.reference_of(scene, 300)
-    assert (made.counts.sum(axis=(1, 2)) == made.standing[list(benchmark.BINNED)]).all()
+    sampled = benchmark.reference_of(scene, 300)
+    assert (sampled.counts.sum(axis=(1, 2)) == sampled.standing[list(benchmark.BINNED)]).all()
     monkeypatch.setattr(benchmark, "tally", None)
     again = benchmark.reference_of(scene, 300)
-    for name, value in made._asdict().items():
+    for name, value in sampled._asdict().items():
         assert np.array_equal(value, getattr(again, name))
     with pytest.raises(TypeError):
         benchmark.reference_of(scene, 301)

@@ -30,14 +30,14 @@ def test_the_file_is_of_the_scenes_and_its_two_methods_agree(name):
     """False alarms: below 1e-4 for each scene."""
     assert load_scene(reference_values.FOLDER / f"{name}.toml") == ROWS[name].scene
     assert set(VALUES[name]) == set(reference_values.QUANTITIES)
-    found = {what: column(name, what, "value") for what in CHANCES}
-    assert sum(found.values()) == pytest.approx(np.ones(5), abs=3e-7)
+    chances = {what: column(name, what, "value") for what in CHANCES}
+    assert sum(chances.values()) == pytest.approx(np.ones(5), abs=3e-7)
     for what in CHANCES:
         error, other = column(name, what, "standard error"), column(name, what, "second error")
         assert error.max() <= reference_values.LARGEST_ERROR
         sampled = reference_values.by_paths(ROWS[name].scene)
         allowed = 5.0 * np.hypot(error, other) if sampled else other + 5.0 * error
-        assert (np.abs(found[what] - column(name, what, "second value")) <= allowed + 2.5e-6).all()
+        assert (np.abs(chances[what] - column(name, what, "second value")) <= allowed + 2.5e-6).all()
 
 
 @pytest.mark.parametrize("name", ["paper-white", "second-white", "pulse-white"])
@@ -45,8 +45,8 @@ def test_the_density_keeps_to_the_values(name):
     """False alarms: below 1e-4 for each scene."""
     row = ROWS[name]
     density = solve_fpk(row.scene, tol=1e-3, **row.when)
-    found = np.column_stack([density.survival, density.overturned])[1:]
-    for what, own in zip(CHANCES, found.T, strict=True):
+    chances = np.column_stack([density.survival, density.overturned])[1:]
+    for what, own in zip(CHANCES, chances.T, strict=True):
         error = density.error_estimate + 5.0 * column(name, what, "standard error")
         assert (np.abs(own - column(name, what, "value")) <= error).all()
 
@@ -56,8 +56,8 @@ def test_sampling_keeps_to_the_values(name):
     """Of 20,000 paths of another seed. False alarms: below 1e-3 for each scene."""
     row, size = ROWS[name], 20_000
     run = tally(row.scene, realizations=size, seed=77, **row.when)
-    found = np.column_stack([run.survival, run.overturned])[1:]
-    for what, own in zip(CHANCES, found.T, strict=True):
+    shares = np.column_stack([run.survival, run.overturned])[1:]
+    for what, own in zip(CHANCES, shares.T, strict=True):
         value = column(name, what, "value")
         error = np.hypot(np.sqrt(value * (1.0 - value) / size), column(name, what, "standard error"))
         assert (np.abs(own - value) <= 4.5 * error + 3.0 / size).all()

@@ -11,7 +11,7 @@ import pytest
 from test_cases_montecarlo import written
 
 
-def test_blocks(case, tmp_path, monkeypatch):
+def test_paths_and_density_of_blocks_agree(case, tmp_path, monkeypatch):
     """Paths and density under the same white noise, in the first .6 s of the motion."""
     module = case("fragility_of_blocks")
     monkeypatch.setattr(module, "END", module.BEGIN + 0.6)
@@ -22,9 +22,9 @@ def test_blocks(case, tmp_path, monkeypatch):
     assert (paths.shape, density.shape) == ((2,), (1,))
     apart, estimate = paths[::2] - density, np.array(block["density"]["error_estimate"])[0, 0]
     assert np.all(np.abs(apart) < 4.5 * np.sqrt(density * (1.0 - density) / 400) + estimate)
-    told = block["largest_difference"]
-    assert abs(told["difference"]) == np.abs(apart).max()
-    assert told["interval"][0] < told["difference"] < told["interval"][1]
+    largest = block["largest_difference"]
+    assert abs(largest["difference"]) == np.abs(apart).max()
+    assert largest["interval"][0] < largest["difference"] < largest["interval"][1]
     assert written(tmp_path, "blocks", values)
 
 
@@ -38,13 +38,13 @@ def test_the_largest_difference_is_told(case):
         scale=np.array([1.0, 3.0, 4.0]), overturned=np.array([[0.2, 0.8, np.nan]]), error_estimate=np.ones((1, 1, 3))
     )
     density.error_estimate[0, 0, 1] = 0.01
-    told = case("fragility_of_blocks").difference(paths, density)
-    assert told["difference"] == pytest.approx(-0.2)
-    assert (told["scale"], told["error_estimate"]) == (3.0, 0.01)
-    assert told["interval"] == pytest.approx([4.0 - 0.8, 5.0 - 0.8])
+    largest = case("fragility_of_blocks").difference(paths, density)
+    assert largest["difference"] == pytest.approx(-0.2)
+    assert (largest["scale"], largest["error_estimate"]) == (3.0, 0.01)
+    assert largest["interval"] == pytest.approx([4.0 - 0.8, 5.0 - 0.8])
 
 
-def test_surface(case, tmp_path):
+def test_larger_blocks_stand_better_and_slender_ones_worse(case, tmp_path):
     coarse = {
         "sizes": (0.4, 1.0, 2.0),
         "slendernesses": (3.0, 5.0, 8.0),

@@ -27,25 +27,27 @@ def written(folder, name, values):
     return np.unique((255 * pixels[::4, ::4]).astype(int).reshape(-1, 3), axis=0).shape[0] > 50
 
 
-def sampled(known, realizations):
-    return pytest.approx(known, abs=4.5 * math.sqrt(known * (1.0 - known) / realizations))
+def sampled(probability, realizations):
+    return pytest.approx(probability, abs=4.5 * math.sqrt(probability * (1.0 - probability) / realizations))
 
 
-def test_fig05(case, tmp_path):
+def test_fig05_has_the_known_share_standing_and_a_bounded_motion_without_noise(case, tmp_path):
     """Known: 100,000 realizations of another seed stand after 125 cycles with .7330, .9064 and .9855."""
     values = case("fig05_overturning").run(tmp_path, realizations=3000, cycles=140, bounded_cycles=400)
     assert "variance = 0.0025" in values["scene"]
     assert sorted(x for x, _ in values["periodic_points"]) == pytest.approx([-0.0836, -0.0219], abs=5e-5)
     assert values["bounded_without_noise"] is True
     assert abs(values["overturned_after_cycles"] - 125.0) <= 5.0
-    late = {one["band"][1]: one["standing_after_125"] for one in values["late"]}
-    assert [late[band] for band in (5.0, 10.0, 20.0)] == [sampled(known, 3000) for known in (0.7330, 0.9064, 0.9855)]
+    late = {row["band"][1]: row["standing_after_125"] for row in values["late"]}
+    assert [late[band] for band in (5.0, 10.0, 20.0)] == [
+        sampled(survival, 3000) for survival in (0.7330, 0.9064, 0.9855)
+    ]
     with pytest.raises(ValueError, match=r"realizations: got 3, accepted: enough for one to overturn to the right"):
         case("fig05_overturning").run(tmp_path, realizations=3, cycles=131, bounded_cycles=100)
     assert written(tmp_path, "fig05", values)
 
 
-def test_fig07(case, tmp_path):
+def test_fig07_has_the_known_survival_and_a_mirror_image(case, tmp_path):
     coarse = {"cycles": 10, "realizations": 1000, "variances": (0.01, 0.04), "density_variances": (0.04,)}
     values = case("fig07_survival_against_noise").run(tmp_path, **coarse, phase_variances=(0.04,))
     assert "phase = 0.0" in values["scene"]
@@ -55,7 +57,7 @@ def test_fig07(case, tmp_path):
     assert values["bands"][1]["survival"][1] == sampled(0.4787, 1000)
     assert values["stands_without_noise"] is True
     paper, quarter, half = values["phases"]
-    assert [one["stands_without_noise"] for one in (paper, quarter, half)] == [True, False, True]
+    assert [noise["stands_without_noise"] for noise in (paper, quarter, half)] == [True, False, True]
     assert paper["survival"][0] == sampled(0.4787, 20_000)
     assert half["survival"][0] == sampled(0.4787, 20_000)
     # The mirror image: as many to the right as else to the left.
@@ -63,7 +65,7 @@ def test_fig07(case, tmp_path):
     assert written(tmp_path, "fig07", values)
 
 
-def test_fig08(case, tmp_path):
+def test_fig08_restarted_means_stay_on_the_attractor_without_noise(case, tmp_path):
     values = case("fig08_mean_poincare").run(tmp_path, cycles=150, realizations=200, seeds=2)
     assert "phase = 3.14\n" in values["scene"]
     assert "variance = 0.0016" in values["scene"]
@@ -78,11 +80,11 @@ def test_fig08(case, tmp_path):
     assert written(tmp_path, "fig08", values)
 
 
-def test_fig09(case, tmp_path):
+def test_fig09_mean_maps_shrink_and_overturn_as_noise_grows(case, tmp_path):
     module = case("fig09_mean_map_and_noise")
     paper = (0.0, 0.05, 0.06, 0.09, 0.16, 0.2)
     values = module.run(tmp_path, paper=paper, between=(), seeds=2, realizations=200, cycles=120)
-    maps = {one["deviation"]: one for one in values["maps"]}
+    maps = {mapped["deviation"]: mapped for mapped in values["maps"]}
     assert maps[0.05]["overturned_after"] == maps[0.09]["overturned_after"] == [None, None]
     assert None not in maps[0.2]["overturned_after"]
     assert max(maps[0.2]["overturned_after"]) < 120
@@ -94,7 +96,7 @@ def test_fig09(case, tmp_path):
     assert written(tmp_path, "fig09", values)
 
 
-def test_bifurcation(case, main_scene, tmp_path):
+def test_bifurcation_ends_at_the_known_crisis(case, main_scene, tmp_path):
     module = case("bifurcation")
     module.BLOCKS = 12
     values = module.run(tmp_path, amplitudes=(2.6, 4.6, 4.9), cycles=1500)
@@ -110,7 +112,7 @@ def test_bifurcation(case, main_scene, tmp_path):
 
 
 @pytest.mark.slow
-def test_survival_against_restitution(case, tmp_path):
+def test_survival_against_restitution_is_the_known_one(case, tmp_path):
     coarse = {"restitutions": (0.5, 0.7, 1.0), "density_restitutions": (0.7,), "realizations": 2000, "tol": 5e-2}
     values = case("survival_against_restitution").run(tmp_path, **coarse)
     survival = np.array(values["bands"][1]["survival"])
@@ -122,7 +124,7 @@ def test_survival_against_restitution(case, tmp_path):
     assert written(tmp_path, "restitution", values)
 
 
-def test_first_passage(case, tmp_path):
+def test_first_passages_add_up_to_the_overturned(case, tmp_path):
     values = case("first_passage").run(tmp_path, variances=(0.04,), cycles=6, realizations=20_000, tol=1e-2)
     row = values["noise"][0]
     assert max(map(abs, row["white_z"].values())) < 4.5
@@ -132,7 +134,7 @@ def test_first_passage(case, tmp_path):
     assert written(tmp_path, "passage", values)
 
 
-def test_band_inferred(case, tmp_path):
+def test_the_band_inferred_is_the_one_that_meets_the_figures(case, tmp_path):
     module = case("band_inferred")
     coarse = {"bands": (5.0, 10.0), "raised": ((2.0, 4.0),), "left_out": (6.0,), "realizations": 2000}
     values = module.run(tmp_path, **coarse, seeds=2, few_seeds=1, map_size=200, map_cycles=120)
@@ -161,15 +163,15 @@ def test_band_inferred(case, tmp_path):
     assert written(tmp_path, "band", values)
 
 
-def test_leakage_against_flux(case, main_scene, tmp_path):
+def test_leakage_rises_with_the_flux_over_noise_but_not_over_restitution(case, main_scene, tmp_path):
     coarse = {"variances": (0.01, 0.04), "restitutions": (0.5, 0.7, 0.9), "cycles": 40, "realizations": 2000}
     values = case("leakage_against_flux").run(tmp_path, **coarse)
-    found = values["over_noise"][1]
-    assert found["kendall"] == 1.0
-    assert found["rate"][0] == pytest.approx(0.0277, rel=4.5 / math.sqrt(found["count"][0]))
+    ordering = values["over_noise"][1]
+    assert ordering["kendall"] == 1.0
+    assert ordering["rate"][0] == pytest.approx(0.0277, rel=4.5 / math.sqrt(ordering["count"][0]))
     m, d = 0.375, 9.2 / 8.29
     still = (math.sqrt(d * d - m * m) - m * math.acos(m / d)) / math.pi * main_scene.period
-    assert still < found["flux_per_cycle"][0] < found["flux_per_cycle"][1] < 1.02 * still
+    assert still < ordering["flux_per_cycle"][0] < ordering["flux_per_cycle"][1] < 1.02 * still
     rates = values["over_restitution"]["rate"]
     assert rates[1] < min(rates[0], rates[2])
     assert written(tmp_path, "flux", values)
@@ -185,7 +187,7 @@ def turned(case, named_scene):
 
 def test_a_forcing_of_the_other_sign_exchanges_the_sides(turned):
     """From rest the mirror image has the same survival; with Ψ₂ alone turned it starts at another time of its cycle."""
-    scene, later, mirrored = (solve_fpk(one, cycles=3, tol=5e-2) for one in turned)
+    scene, later, mirrored = (solve_fpk(forcing_scene, cycles=3, tol=5e-2) for forcing_scene in turned)
     assert mirrored.survival == pytest.approx(scene.survival, abs=1e-12)
     assert mirrored.overturned == pytest.approx(scene.overturned[:, ::-1], abs=1e-12)
     assert later.survival[3] - scene.survival[3] > 0.2
@@ -195,8 +197,10 @@ def test_a_forcing_of_the_other_sign_exchanges_the_sides(turned):
 def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turned):
     """The same rate, on another mesh; shares of cycles half a cycle apart differ by less than it."""
     module = case("second_harmonic")
-    scene, later = (CycleOperator(module.with_second(one, 1.5, one.forcing.phases[1] - math.pi / 2), tol=0.2)
-                    for one in turned[:2])  # fmt: skip
+    scene, later = (
+        CycleOperator(module.with_second(scene, 1.5, scene.forcing.phases[1] - math.pi / 2), tol=0.2)
+        for scene in turned[:2]
+    )
     assert later.escape_rate == pytest.approx(scene.escape_rate, rel=scene.escape_error)
     left, right = module.side_rates(scene)
     assert left + right == pytest.approx(scene.escape_rate, rel=1e-12)
@@ -205,20 +209,20 @@ def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turn
 
 
 @pytest.mark.slow
-def test_second_harmonic(case, tmp_path, monkeypatch):
+def test_densities_under_a_second_harmonic_agree_with_samples(case, tmp_path, monkeypatch):
     """Coarse densities of five cycles beside 2000 realizations and survival at tol 1e-3; rates beside theirs."""
     module = case("second_harmonic")
     monkeypatch.setattr(module, "CYCLES", 5)
     monkeypatch.setattr(module, "solve_fpk", functools.cache(solve_fpk))
     values = module.run(tmp_path, amplitudes=(1.0,), parts=2, realizations=2000, tol=5e-2)
-    for found in (*values["phases"], values["from_rest"]):
-        survival, sides = np.array(found["survival"]), np.array(found["overturned"])
+    for run in (*values["phases"], values["from_rest"]):
+        survival, sides = np.array(run["survival"]), np.array(run["overturned"])
         assert survival + sides.sum(axis=1) == pytest.approx(np.ones(survival.size), abs=1e-6)
-        for ours, theirs in zip(survival, found["sampled_survival"], strict=True):
+        for ours, theirs in zip(survival, run["sampled_survival"], strict=True):
             assert theirs == sampled(ours, 2000)
-        for ours, theirs in zip(sides.ravel(), np.ravel(found["sampled_overturned"]), strict=True):
+        for ours, theirs in zip(sides.ravel(), np.ravel(run["sampled_overturned"]), strict=True):
             assert theirs == sampled(ours, 2000)
-    survival = [found["survival"][0] for found in values["phases"]]
+    survival = [run["survival"][0] for run in values["phases"]]
     assert survival[::2] == pytest.approx(values["from_rest"]["survival"], abs=1e-12)
     assert survival == pytest.approx([0.7038, 0.5800, 0.5088, 0.9597], abs=1e-3)
     later = values["long_run"]
@@ -241,17 +245,17 @@ def test_overturning_rate_counts_cycles_lived(main_scene):
     angle = np.zeros((3, 11))
     angle[0, 3:], angle[1, 7:] = np.nan, np.nan
     times = main_scene.period * np.array([2.5, 6.5, np.nan])
-    made = dataclasses.replace(
+    altered = dataclasses.replace(
         ensemble, angle=angle, overturn_time=times, overturn_side=np.array([1, -1, 0], dtype=np.int8)
     )
-    found = overturning_rate(made, after=4)
-    assert (found.rate, found.count) == (pytest.approx(1.0 / 8.5), 1)
-    assert found.interval == pytest.approx(np.array([0.0253178, 5.5716434]) / 8.5, rel=1e-6)
-    sides = [overturning_rate(made, after=4, side=side) for side in (-1, 1)]
-    assert [(one.rate, one.count) for one in sides] == [(pytest.approx(1.0 / 8.5), 1), (0.0, 0)]
-    assert overturning_rate(made, after=8).interval == pytest.approx(np.array([0.0, 3.6888795]) / 2.0, rel=1e-6)
+    estimate = overturning_rate(altered, after=4)
+    assert (estimate.rate, estimate.count) == (pytest.approx(1.0 / 8.5), 1)
+    assert estimate.interval == pytest.approx(np.array([0.0253178, 5.5716434]) / 8.5, rel=1e-6)
+    sides = [overturning_rate(altered, after=4, side=side) for side in (-1, 1)]
+    assert [(side_rate.rate, side_rate.count) for side_rate in sides] == [(pytest.approx(1.0 / 8.5), 1), (0.0, 0)]
+    assert overturning_rate(altered, after=8).interval == pytest.approx(np.array([0.0, 3.6888795]) / 2.0, rel=1e-6)
     for bad in (0, 2, True, "left"):
         with pytest.raises(ValueError, match=rf"side: got {bad!r}, accepted: None, or -1 \(left\) or 1 \(right\)"):
-            overturning_rate(made, after=4, side=bad)
+            overturning_rate(altered, after=4, side=bad)
     with pytest.raises(ValueError, match=r"after: got 10, accepted: a number below 10"):
-        overturning_rate(made, after=10)
+        overturning_rate(altered, after=10)

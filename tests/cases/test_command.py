@@ -34,8 +34,8 @@ def test_options_reach_the_case(monkeypatch, capsys):
 def test_options_of_every_case(name):
     """They are keywords of its `run` with a default, and its pictures are among the files that it names."""
     module = ast.parse((CASES / f"{name}.py").read_text(encoding="utf-8"))
-    (run,) = (one for one in module.body if isinstance(one, ast.FunctionDef) and one.name == "run")
+    (run,) = (node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "run")
     call = module.body[-1].body[0].value
-    known = [one.arg for one in run.args.args[len(run.args.args) - len(run.args.defaults) :]]
-    assert {one.arg for one in call.keywords} <= {"report", *known}
-    assert PICTURES[name].keys() <= {one.value for one in call.args[2:]}
+    options = [argument.arg for argument in run.args.args[len(run.args.args) - len(run.args.defaults) :]]
+    assert {keyword.arg for keyword in call.keywords} <= {"report", *options}
+    assert PICTURES[name].keys() <= {node.value for node in call.args[2:]}

@@ -43,7 +43,7 @@ def test_white_paths_lie_at_the_sampling_floor_of_the_density(coarse):
     assert np.all(np.array(compared["hellinger"]) < 1.27 * np.array(compared["hellinger_floor"]))
 
 
-def test_files(coarse):
+def test_its_files_hold_numbers_and_pictures(coarse):
     folder, values = coarse
     ends = (".pvd", "_0000.vtu", "_0002.vtu", "_0004.vtu")
     series = {f"{name}{end}" for name in ("jpdf", "jpdf_rk4") for end in ends}

@@ -22,7 +22,7 @@ def test_every_case_is_in_it():
     assert set(gallery.PICTURES) == cases
     for name, pictures in gallery.PICTURES.items():
         text = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
-        assert all(f"``{made}``" in text for made in pictures), name
+        assert all(f"``{picture}``" in text for picture in pictures), name
         assert len(text.partition("\n")[0]) <= 3 + 50, f"{name}: the title has to fit the navigation of the site"
 
 
@@ -44,7 +44,7 @@ def test_gallery_holds_these_pictures_and_the_documents_show_no_others():
 
 
 @pytest.mark.parametrize(("largest", "width"), [(gallery.LARGEST, gallery.WIDTHS[0]), (1000, gallery.WIDTHS[-1])])
-def test_reduced_pictures(tmp_path, monkeypatch, largest, width):
+def test_reduced_pictures_keep_their_lines_and_titles(tmp_path, monkeypatch, largest, width):
     """A thin line keeps its colour beside a field of many; what palettes cannot make small enough loses pixels."""
     monkeypatch.setattr(gallery, "LARGEST", largest)
     pixels = np.empty((900, 1500, 3), dtype=np.uint8)
@@ -55,10 +55,10 @@ def test_reduced_pictures(tmp_path, monkeypatch, largest, width):
     about.add_itxt("Title", "σ falls")
     Image.fromarray(pixels).save(tmp_path / "large.png", pnginfo=about)
     gallery.reduce(tmp_path / "large.png", tmp_path / "small.png")
-    with Image.open(tmp_path / "small.png") as made:
-        assert (made.mode, made.width, gallery.title_of(made)) == ("P", width, "σ falls")
-        found = np.asarray(made.convert("RGB")).astype(int)[round(402.5 / 900 * made.height)]
-    assert np.abs(found - line).max() < 12
+    with Image.open(tmp_path / "small.png") as image:
+        assert (image.mode, image.width, gallery.title_of(image)) == ("P", width, "σ falls")
+        pixels = np.asarray(image.convert("RGB")).astype(int)[round(402.5 / 900 * image.height)]
+    assert np.abs(pixels - line).max() < 12
     assert {path.name for path in tmp_path.iterdir()} == {"large.png", "small.png"}
 
 

@@ -37,11 +37,11 @@ def test_numbers_agree_with_each_other(coarse):
 def test_survival_is_the_known_one(coarse):
     """Independent values .9595 and .4039 after 1 and 4 cycles; 4.5 standard errors, 7e-6 each."""
     survival = coarse[1]["ensemble"]["survival"]
-    for cycle, known in ((1, 0.9595), (4, 0.4039)):
-        assert survival[cycle] == pytest.approx(known, abs=4.5 * np.sqrt(known * (1.0 - known) / 3000))
+    for cycle, expected in ((1, 0.9595), (4, 0.4039)):
+        assert survival[cycle] == pytest.approx(expected, abs=4.5 * np.sqrt(expected * (1.0 - expected) / 3000))
 
 
-def test_files(coarse):
+def test_its_files_hold_numbers_and_pictures(coarse):
     folder, values = coarse
     assert {path.name for path in folder.iterdir()} == {"histories.png", "histories.json", "histories.npz"}
     assert json.loads((folder / "histories.json").read_text(encoding="utf-8")) == values

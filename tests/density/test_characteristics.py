@@ -90,7 +90,7 @@ def before_impact(speed, side):
 
 def nodes_from(point, diffusion, **changed):
     """Ends (n, 2) and flags (n,) of the nodes, three along the long axis and two along the short one, from a point."""
-    space = Space(*(one + np.array([-1e-10, 1e-10]) for one in point), 1)
+    space = Space(*(coordinate + np.array([-1e-10, 1e-10]) for coordinate in point), 1)
     dynamics = dataclasses.replace(DYNAMICS, diffusion=diffusion, **changed)
     trace = Characteristics(space, START, DURATION, dynamics, Quadrature(2, 2, 3, 2))
     return trace.ends[0, 0, 0], trace.flags[0, 0, 0]
@@ -100,10 +100,10 @@ def nodes_from(point, diffusion, **changed):
 def test_nodes_lie_along_the_axes_of_the_noise_that_went_through_an_impact(side, speed):
     """J A J' + B, of the noise A before and B after the impact and the derivatives J of the flow from there on."""
     noise, size = dataclasses.replace(DYNAMICS, diffusion=1e-10), 1e-5
-    moves = [flown(sign * size * one, TIME, speed, side) for one in np.eye(2) for sign in (1, -1)]
+    moves = [flown(sign * size * direction, TIME, speed, side) for direction in np.eye(2) for sign in (1, -1)]
     jacobian = np.array([moves[0] - moves[1], moves[2] - moves[3]]).T / (2.0 * size)
-    whole = jacobian @ flight_noise(noise, TIME) @ jacobian.T + flight_noise(noise, DURATION - TIME)
-    variances, vectors = np.linalg.eigh(whole)
+    spread = jacobian @ flight_noise(noise, TIME) @ jacobian.T + flight_noise(noise, DURATION - TIME)
+    variances, vectors = np.linalg.eigh(spread)
     point = before_impact(speed, side)
     ends, flags = nodes_from(point, noise.diffusion)
     along = (ends - flow(DYNAMICS, point, side, START, START + DURATION)) @ vectors / np.sqrt(variances)
@@ -119,8 +119,8 @@ def test_noise_has_one_diffusion_before_an_impact_and_another_after_it():
     rest, before, after = DURATION - TIME, 2e-3, 5e-3
     met = saltation.linearize_impact(-0.7, 1, *forcing(START + TIME), DYNAMICS.block)
     parts = [
-        saltation.covariance_through_impact(one, TIME, rest, met, DYNAMICS.restitution)
-        for one in ((before, after), (before, 0.0), (0.0, after))
+        saltation.covariance_through_impact(diffusions, TIME, rest, met, DYNAMICS.restitution)
+        for diffusions in ((before, after), (before, 0.0), (0.0, after))
     ]
     (final, early, _), (first, alone, _), (last, none, _) = parts
     assert final == pytest.approx(np.add(first, last))

@@ -72,7 +72,7 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
     scene, time = MAIN.varied(noise=noise), 0.7
     run = FilteredPropagator(scene, grid_of(scene, 0, (3, 3), 8), 1e-9)
     flight = FilteredStart(scene, run.nodes, run.steps[0][0].characteristics.dynamics)
-    _, found = flight.at(time)
+    _, covariance = flight.at(time)
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
         wanted = integrate.dblquad(
             lambda s, t, first=kernels[0], second=kernels[1]: (
@@ -84,8 +84,8 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
             time,
             epsabs=1e-6,
         )[0]
-        assert found[i, j] == pytest.approx(wanted, rel=1e-4)
-    assert found[2:, 2:] == pytest.approx(np.eye(len(found) - 2), abs=1e-12)
+        assert covariance[i, j] == pytest.approx(wanted, rel=1e-4)
+    assert covariance[2:, 2:] == pytest.approx(np.eye(len(covariance) - 2), abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -95,14 +95,14 @@ def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     """One false alarm in a thousand or fewer: 3.5 standard errors at four cycles, and a tolerance of the mesh."""
     scene, paths, cycles = MAIN.varied(noise=noise), 40_000, 4
     run = FilteredPropagator(scene, grid_of(scene, 1, nodes, 12), 1e-8)
-    found = run.propagate(scene.period * np.arange(cycles + 1))
+    solution = run.propagate(scene.period * np.arange(cycles + 1))
     sample = simulate(scene, cycles=cycles, realizations=paths, seed=3)
     error = np.sqrt(sample.survival * (1.0 - sample.survival) / paths)
-    assert np.all(np.abs(found.survival - sample.survival) <= 3.5 * error + 3e-3)
-    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
-    assert np.abs(found.outflow[:, 2]).max() < 1e-5
+    assert np.all(np.abs(solution.survival - sample.survival) <= 3.5 * error + 3e-3)
+    assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
+    assert np.abs(solution.outflow[:, 2]).max() < 1e-5
     bins, sampled = (
-        run.space.bin_integrals(found.coefficients, *EDGES)[cycles],
+        run.space.bin_integrals(solution.coefficients, *EDGES)[cycles],
         sample.bin_probabilities(cycles, *EDGES),
     )
     floor = np.sqrt(2.0 / math.pi * sampled / paths).sum()
@@ -129,11 +129,11 @@ def test_slow_noise_is_a_mixture_over_constant_forces():
     """A noise that hardly changes: each node moves as under its own constant force."""
     start = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
     scene = MAIN.varied(noise=FilteredNoise("exponential", 0.04, 1e-3), start=start)
-    found = (
+    density = (
         FilteredPropagator(scene, grid_of(scene, 1, (16,), 12), 1e-8).propagate(scene.period * np.arange(3)).survival[2]
     )
     sample = simulate(scene, cycles=2, realizations=20_000, seed=5).survival[2]
-    assert found == pytest.approx(sample, abs=3.5 * math.sqrt(sample * (1.0 - sample) / 20_000) + 0.01)
+    assert density == pytest.approx(sample, abs=3.5 * math.sqrt(sample * (1.0 - sample) / 20_000) + 0.01)
 
 
 def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
@@ -174,10 +174,10 @@ def test_a_filter_of_ones_own_is_solved_as_the_named_one_is():
     eta = np.repeat(theirs.values, 5)
     for step in (0.02, 0.3):
         assert ours.piecewise_constant_factor(step) == pytest.approx(theirs.piecewise_constant_factor(step), rel=1e-12)
-        found, wanted = (
+        survival, wanted = (
             eta @ nodes.transition_matrix(step) @ (eta * theirs.weights.ravel()) for nodes in (ours, theirs)
         )
-        assert found == pytest.approx(wanted, rel=1e-10)
+        assert survival == pytest.approx(wanted, rel=1e-10)
     slow = MAIN.varied(noise=own.scaled(1.0, 0.05))
     with pytest.raises(ValueError, match=r"noise\.filter: got .*at least about .* times as fast"):
         solve_fpk(slow, cycles=1)
@@ -189,11 +189,11 @@ def test_noise_that_is_not_refused_as_slow_is_answered():
         MAIN.varied(forcing=Harmonic(3.0, 2.7, math.pi), noise=FilteredNoise("exponential", 0.03, 0.4)),
         40_000,
     )
-    found = solve_fpk(scene, cycles=2, tol=1e-2, bins_tol=math.inf)
+    density = solve_fpk(scene, cycles=2, tol=1e-2, bins_tol=math.inf)
     sample = simulate(scene, cycles=2, realizations=paths, seed=4)
     error = np.sqrt(sample.survival * (1.0 - sample.survival) / paths)
-    assert np.all(np.abs(found.survival - sample.survival) <= 3.5 * error + 1e-2)
-    assert found.error_estimate <= 1e-2
+    assert np.all(np.abs(density.survival - sample.survival) <= 3.5 * error + 1e-2)
+    assert density.error_estimate <= 1e-2
 
 
 @pytest.fixture(scope="module")
@@ -230,15 +230,15 @@ LIFTED = Scene(Block(0.5), Harmonic(0.8, 1.5), FilteredNoise("exponential", 0.04
 def test_rest_and_motion_add_up_on_a_coarse_mesh():
     """Of 20,000 paths about as much rests: within .015, five of their standard errors."""
     run = FilteredPropagator(LIFTED, filtered_discretization(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
-    found = run.propagate(run.scene.period * np.arange(2))
-    assert run.space.masses(found.coefficients[1]).sum() == pytest.approx(
-        found.survival[1] - found.at_rest[1], abs=1e-9
+    solution = run.propagate(run.scene.period * np.arange(2))
+    assert run.space.masses(solution.coefficients[1]).sum() == pytest.approx(
+        solution.survival[1] - solution.at_rest[1], abs=1e-9
     )
-    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
+    assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
     at_rest, survival = sampled_rest()
-    assert found.at_rest[1] == pytest.approx(at_rest, abs=0.015)
+    assert solution.at_rest[1] == pytest.approx(at_rest, abs=0.015)
     assert 0.0 < run.node_error < 0.1
-    assert np.all(np.abs(found.survival - survival) <= 1e-2)
+    assert np.all(np.abs(solution.survival - survival) <= 1e-2)
 
 
 def sampled_rest():
@@ -251,16 +251,16 @@ def sampled_rest():
 @pytest.mark.slow
 def test_rest_and_motion_add_up():
     """What rests is beside the density; of paths as much does, within the estimate."""
-    found = solve_fpk(LIFTED, cycles=1, tol=1e-2)
-    assert found.rest_error_estimate < bins_tolerance(1e-2)
-    assert found.mass_defect < 1e-12
-    assert found.bin_probabilities(1, *EDGES).sum() == pytest.approx(found.survival[1], abs=1e-9)
-    assert found.space.masses(found.coefficients[1]).sum() == pytest.approx(
-        found.survival[1] - found.at_rest[1], abs=1e-9
+    density = solve_fpk(LIFTED, cycles=1, tol=1e-2)
+    assert density.rest_error_estimate < bins_tolerance(1e-2)
+    assert density.mass_defect < 1e-12
+    assert density.bin_probabilities(1, *EDGES).sum() == pytest.approx(density.survival[1], abs=1e-9)
+    assert density.space.masses(density.coefficients[1]).sum() == pytest.approx(
+        density.survival[1] - density.at_rest[1], abs=1e-9
     )
     at_rest, survival = sampled_rest()
-    assert np.all(np.abs(found.survival - survival) <= 1e-2)
-    assert found.at_rest[1] == pytest.approx(at_rest, abs=found.rest_error_estimate + 0.01)
+    assert np.all(np.abs(density.survival - survival) <= 1e-2)
+    assert density.at_rest[1] == pytest.approx(at_rest, abs=density.rest_error_estimate + 0.01)
 
 
 def test_steps_shorten_to_the_end_of_a_cycle_where_blocks_may_rest():
@@ -284,9 +284,9 @@ def test_blocks_come_to_rest():
     """After a push under a constant force of next to nothing every block ends at rest."""
     scene = Scene(Block(0.3), Harmonic(0.2, 1.0), FilteredNoise("exponential", 1e-4, 1.0), Start(0.0, 0.5))
     run = FilteredPropagator(scene, grid_of(scene, 1, (3,), 32), 1e-9)
-    found = run.propagate(run.scene.period * np.arange(2))
-    assert found.at_rest[0] == 0.0
-    assert found.at_rest[1] == pytest.approx(1.0, abs=1e-3)
+    solution = run.propagate(run.scene.period * np.arange(2))
+    assert solution.at_rest[0] == 0.0
+    assert solution.at_rest[1] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
@@ -316,11 +316,11 @@ def test_a_case_looks_into_a_density():
     spec.loader.exec_module(module)
     module.STEPS = 6
     scene = load_scene(SCENES / "rest.toml").filtered_equivalent()
-    found = module.look_inside(scene, 0)
-    resting, noise = np.array(found["resting"]), np.array(found["noise"])
-    assert found["times"][0] == 0.0
-    assert found["times"][-1] == 1.0
-    assert resting.shape == (len(found["times"]), len(noise))
+    inside = module.look_inside(scene, 0)
+    resting, noise = np.array(inside["resting"]), np.array(inside["noise"])
+    assert inside["times"][0] == 0.0
+    assert inside["times"][-1] == 1.0
+    assert resting.shape == (len(inside["times"]), len(noise))
     # At the end of the second cycle the force is -A: under these values of the noise nothing rests.
     assert resting[-1][noise < -0.3] == pytest.approx(0.0, abs=1e-12)
     assert resting[-1][(noise > 0.3) & (noise < 0.9)].min() > 0.3  # nodes beyond hold next to nothing
@@ -335,14 +335,14 @@ def plane_of(scene):
 def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
     """Steps of half a cycle used twice, or of a whole one: the same to rounding, and what rests at each node too."""
     scene = Scene(Block(0.5), Harmonic(0.9, 2.0, 0.4), noise)
-    plane, found = plane_of(scene), []
+    plane, solutions = plane_of(scene), []
     for periods in (2, 1):
         grid = FilteredDiscretization(plane, (5, 3), 3, np.linspace(0.0, 1.0 / periods, 8 // periods + 1))
         run = FilteredPropagator(scene, grid, 1e-12)
         states = run.states(scene.period * np.arange(2), scene.start)
         rests = [(state.mirror_image() if state.reflected else state).at_rest for state in states]
-        found.append((run.propagate(scene.period * np.arange(2)), np.array(rests)))
-    (halves, rests), (wholes, wanted) = found
+        solutions.append((run.propagate(scene.period * np.arange(2)), np.array(rests)))
+    (halves, rests), (wholes, wanted) = solutions
     assert 0.1 < wholes.at_rest[1] < 0.9
     assert wholes.reinjected == 0.0  # what rests is an atom of its own, whose error the estimate has
     assert np.abs(wanted - wanted[:, ::-1, ::-1]).max() > 1e-3  # a mirror image is another state

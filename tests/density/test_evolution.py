@@ -22,14 +22,14 @@ MAIN = load_scene(SCENES / "main.toml")
 
 
 def test_the_total_of_the_progress_grows_with_every_solution_beyond_those_known():
-    told = []
-    count = ProgressCount(lambda *pair: told.append(pair), rows=2)
+    reports = []
+    count = ProgressCount(lambda *pair: reports.append(pair), rows=2)
     for _ in range(SOLUTIONS + 1):
         done = count.start_solution()
         done()
         done()
-    known, more = 2 * SOLUTIONS, 2 * SOLUTIONS + 2
-    assert told == [(k, known if k <= known else more) for k in range(1, more + 1)]
+    first_total, more = 2 * SOLUTIONS, 2 * SOLUTIONS + 2
+    assert reports == [(k, first_total if k <= first_total else more) for k in range(1, more + 1)]
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
 
     def against(result):
         """Names of what speaks against it; P(overturned) = .0024 ± .0014 is small beside its error."""
-        return [one.name for one in result.diagnostics if one.severity]
+        return [diagnostic.name for diagnostic in result.diagnostics if diagnostic.severity]
 
     assert against(band) == ["overturning_error"]
     assert band.table()["at_rest"].tolist() == band.at_rest.tolist()
@@ -204,29 +204,30 @@ def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
 )
 def test_rows_whose_density_is_not_judged_are_told(band, rows, where, verdict):
     """Where bins are judged: with a tolerance of inf nobody asked for them."""
-    told = band.settings | {"unresolved": rows, "bins_tol": 1.0}
-    found, survival_alone = (
-        dataclasses.replace(band, noise_replacement="", settings=told | {"bins_tol": most}) for most in (1.0, math.inf)
+    settings = band.settings | {"unresolved": rows, "bins_tol": 1.0}
+    with_bins, survival_alone = (
+        dataclasses.replace(band, noise_replacement="", settings=settings | {"bins_tol": most})
+        for most in (1.0, math.inf)
     )
     sentence = (
         f"The density of angle and velocity is too narrow for the mesh at {where}: only survival is judged there."
     )
-    assert [text for text in remarks(found) if "narrow" in text] == [sentence] * (where is not None)
-    assert found.trust.verdict == verdict
+    assert [text for text in remarks(with_bins) if "narrow" in text] == [sentence] * (where is not None)
+    assert with_bins.trust.verdict == verdict
     assert survival_alone.unjudged == ""
     assert survival_alone.trust.verdict == "ok"
 
 
 def test_a_replacement_that_was_checked_is_saved_and_tabulated(band, tmp_path):
-    found = checked(band, realizations=500)
-    found.save(tmp_path / "checked.npz")
+    density = checked(band, realizations=500)
+    density.save(tmp_path / "checked.npz")
     loaded = Evolution.load(tmp_path / "checked.npz")
-    assert loaded.replacement.plain == found.replacement.plain
-    assert (loaded.trust, loaded.title) == (found.trust, found.title)
+    assert loaded.replacement.plain == density.replacement.plain
+    assert (loaded.trust, loaded.title) == (density.trust, density.title)
     columns = loaded.table()
-    assert columns["survival_total_error"].tolist() == found.total_error[:, 0].tolist()
-    assert columns["survival_replacement"].tolist() == found.replacement.difference[:, 0].tolist()
-    assert columns["survival_replacement_error"].tolist() == found.replacement.sampling_error[:, 0].tolist()
+    assert columns["survival_total_error"].tolist() == density.total_error[:, 0].tolist()
+    assert columns["survival_replacement"].tolist() == density.replacement.difference[:, 0].tolist()
+    assert columns["survival_replacement_error"].tolist() == density.replacement.sampling_error[:, 0].tolist()
     assert "survival_total_error" not in band.table()
 
 

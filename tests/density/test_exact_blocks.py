@@ -55,8 +55,8 @@ def flown(alpha, forcing, states, duration, diffusion=0.0):
         return np.concatenate([v, pull, 2.0 * xv, vv + stiff * xx, spread])
 
     begin = np.concatenate([states, np.zeros((3, len(states[0])))]).ravel()
-    found = solve_ivp(rates, (0.0, duration), begin, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1].reshape(5, -1)
-    return found[:2], found[2:]
+    ends = solve_ivp(rates, (0.0, duration), begin, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1].reshape(5, -1)
+    return ends[:2], ends[2:]
 
 
 def spread_points(mean, covariance, count=12):
@@ -90,7 +90,7 @@ def test_flight_is_of_second_order(diffusion):
 
 
 def test_an_exact_block_lands_on_another_mesh_only_by_a_trace_made_for_it():
-    space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 1) for count in (3, 4))
+    space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 3) for count in (3, 4))
     dynamics, quadrature = Dynamics(FORCING, 1e-3, 0.5, 1.5, critical_angle=0.6), Quadrature(2, 2, 2, 2)
     trace = Characteristics(space, 0.0, 0.01, dynamics, quadrature)
     Step(trace, space)
@@ -136,17 +136,17 @@ def test_noise_of_a_path_without_events_is_that_half_way_along_it():
 def test_a_block_becomes_slender_with_order_2(noise):
     """Survival on one mesh, impacts, rest and overturning included."""
     scene = Scene(Block(0.7), Harmonic(4.2, 2.7, math.pi), noise)
-    plane, found = plane_of(scene), []
+    plane, survivals = plane_of(scene), []
     for angle in (0.0, 0.1, 0.2):
-        one = with_angle(scene, angle)
+        tall = with_angle(scene, angle)
         if noise.kind == "white":
-            run = PeriodicPropagator(one, plane, 1e-9)
+            run = PeriodicPropagator(tall, plane, 1e-9)
         else:
-            run = FilteredPropagator(one, discretization_of(plane, one, 16), 1e-9)
+            run = FilteredPropagator(tall, discretization_of(plane, tall, 16), 1e-9)
         solution = run.propagate(scene.period * np.arange(3))
         assert solution.reinjected == 0.0
-        found.append(solution.survival[-1])
-    slender, *exact = found
+        survivals.append(solution.survival[-1])
+    slender, *exact = survivals
     assert abs(exact[1] - slender) > 1e-3
     assert math.log2((exact[1] - slender) / (exact[0] - slender)) == pytest.approx(2.0, abs=0.15)
 
@@ -167,13 +167,13 @@ def test_the_gaussian_of_a_start_is_of_second_order_in_its_spread():
 
 @pytest.mark.parametrize("noise", [FILTERED, FilteredNoise("low-pass", 0.05, 4.0, 0.7)], ids=["one", "two"])
 def test_the_gaussian_of_a_start_becomes_that_of_a_slender_block(noise):
-    scene, found = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), noise), []
+    scene, moments = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), noise), []
     for angle in (0.0, 0.01, 0.02):
-        one = with_angle(scene, angle)
-        mean, covariance = FilteredStart(one, Nodes(noise, (3, 3)), Dynamics.of(one.white_equivalent())).at(0.5)
-        found.append(np.concatenate([mean, covariance.ravel()]))
-    slender, *exact = found
-    near, far = (np.abs(one - slender).max() for one in exact)
+        tall = with_angle(scene, angle)
+        mean, covariance = FilteredStart(tall, Nodes(noise, (3, 3)), Dynamics.of(tall.white_equivalent())).at(0.5)
+        moments.append(np.concatenate([mean, covariance.ravel()]))
+    slender, *exact = moments
+    near, far = (np.abs(moment - slender).max() for moment in exact)
     assert far < 1e-3
     assert math.log2(far / near) == pytest.approx(2.0, abs=0.15)
 
@@ -183,13 +183,13 @@ def test_a_block_rests_below_its_own_level():
     scene = Scene(Block(0.5), Harmonic(1.05, 2.0), FilteredNoise("exponential", 1e-6, 4.0))
     plane, rests = plane_of(scene), []
     for angle in (0.0, 0.48):
-        one = with_angle(scene, angle)
+        tall = with_angle(scene, angle)
         rests.append(
-            FilteredPropagator(one, discretization_of(plane, one, 8), 1e-9)
+            FilteredPropagator(tall, discretization_of(plane, tall, 8), 1e-9)
             .propagate(scene.period * np.arange(2))
             .at_rest[1]
         )
-        assert may_rest(one) is (angle > 0.0)
+        assert may_rest(tall) is (angle > 0.0)
     assert rests[0] < 0.5
     assert rests[1] == pytest.approx(1.0, abs=1e-12)
 
@@ -202,7 +202,7 @@ def test_sticking_is_that_of_a_slender_block_in_units_of_the_level():
     slender = Sticking(Dynamics(forcing.scaled(1.0 / level, 1.0), noise / level**2, 0.6, 1.5), 12.0, 5.0)
     times = np.linspace(0.0, 12.0, 101)
     assert [exact.next_lift_off(time) for time in times] == [slender.next_lift_off(time) for time in times]
-    held = np.array([[one.until(time) for time in times] for one in (exact, slender)])
+    held = np.array([[sticking.until(time) for time in times] for sticking in (exact, slender)])
     assert 10 < (held[1] > times).sum() < 90
     # The layer is as thick in units of the pull, the velocity of rest is not: where they differ it is at its limit.
     assert np.mean(held[0] == held[1]) > 0.9
@@ -213,16 +213,16 @@ def test_white_noise_agrees_with_small_steps_of_another_scheme():
     """20,000 paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
     alpha, e, diffusion, paths, shaking = 0.45, 0.7, 0.02, 20_000, (4.2, 2.7, math.pi)
     scene = Scene(Block(e, critical_angle=alpha), Harmonic(*shaking), WhiteNoise(diffusion), Start(0.3, 0.0))
-    found = PeriodicPropagator(scene, plane_of(scene, 2), 1e-8).propagate(scene.period * np.arange(3)).survival[1:]
+    density = PeriodicPropagator(scene, plane_of(scene, 2), 1e-8).propagate(scene.period * np.arange(3)).survival[1:]
     fine, coarse = survival((alpha, e), scene.overturning.angle, shaking, diffusion, (0.3, 0.0), 2, paths, 400, 3)
     wanted = 2.0 * fine - coarse
-    assert found == pytest.approx(wanted, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
+    assert density == pytest.approx(wanted, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
 
 
 def test_filtered_noise_agrees_with_paths():
     """20,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
     scene = Scene(Block(0.7, critical_angle=0.29), Harmonic(4.2, 2.7, math.pi), FILTERED)
     run = FilteredPropagator(scene, discretization_of(plane_of(scene, 1), scene, 16, (7,), 8), 1e-8)
-    found = run.propagate(scene.period * np.arange(3)).survival[1:]
+    density = run.propagate(scene.period * np.arange(3)).survival[1:]
     paths = simulate(scene, cycles=2, realizations=20_000, seed=4, method="filtered").survival[1:]
-    assert found == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 20_000))
+    assert density == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 20_000))

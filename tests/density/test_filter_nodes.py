@@ -85,5 +85,5 @@ def test_piecewise_constant_noise_has_the_melnikov_variance(noise):
         held = [formulas.autocovariance(noise, k * step) for k in (low, low + 1)]
         return ((1.0 - part) * held[0] + part * held[1]) * (1.0 + abs(lag)) * math.exp(-abs(lag))
 
-    found = sum(2.0 * integrate.quad(weighed, k * step, (k + 1) * step)[0] for k in range(130))
-    assert factor**2 * found == pytest.approx(formulas.melnikov_variance(noise), rel=1e-9)
+    variance = sum(2.0 * integrate.quad(weighed, k * step, (k + 1) * step)[0] for k in range(130))
+    assert factor**2 * variance == pytest.approx(formulas.melnikov_variance(noise), rel=1e-9)

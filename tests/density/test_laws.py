@@ -1,6 +1,6 @@
 """Laws of one step: its order in time, what crosses x = 0, the traces there, and the symmetry of the phase plane.
 
-The order in mesh size, degree by degree, is in test_density_accuracy.
+The order in mesh size, degree by degree, is in test_accuracy.
 """
 
 import math
@@ -84,10 +84,10 @@ def test_order_in_the_step_on_gaussian_flight():
     durations, errors = np.geomspace(0.05, 0.2, 5), {source: [], target: []}
     for duration in durations:
         truth = flown_fourth_moment(source, coefficients, 0.3, duration, 2.0)
-        for space, found in errors.items():
+        for space, space_errors in errors.items():
             trace = Characteristics(source, 0.3, duration, CALM, QUADRATURE, to_other_mesh=space is target)
             after, _ = Step(trace, space).apply(coefficients)
-            found.append(abs(fourth_moment(space, after, 2.0) - truth))
+            space_errors.append(abs(fourth_moment(space, after, 2.0) - truth))
     assert max(errors[source]) < 1e-12
     assert np.polyfit(np.log(durations), np.log(errors[target]), 1)[0] == pytest.approx(6.0, abs=0.15)
     assert errors[target][-1] == pytest.approx(2.0 * (0.05 * 0.2**3 / 6.0) ** 2, rel=0.25)

@@ -102,13 +102,13 @@ def test_rattling_at_rest_has_the_energy_of_paths():
 def test_a_block_that_stays_at_rest_is_answered():
     """The layer of rattling is a fifth of what counts as rest: all of it is there, and none has overturned."""
     scene = scene_of(0.0, 20.0, 0.5, 0.001)
-    found = solve_fpk(scene, cycles=3, tol=1e-2)
-    assert found.survival == pytest.approx(np.ones(4), abs=1e-3)
-    assert found.at_rest == pytest.approx(np.ones(4), abs=1e-3)
-    assert found.bins_error_estimate < 1e-2
-    assert found.negative_mass > 0.1
-    assert found.moving_negative_mass < 1e-3
-    assert found.trust.verdict == "ok"
+    density = solve_fpk(scene, cycles=3, tol=1e-2)
+    assert density.survival == pytest.approx(np.ones(4), abs=1e-3)
+    assert density.at_rest == pytest.approx(np.ones(4), abs=1e-3)
+    assert density.bins_error_estimate < 1e-2
+    assert density.negative_mass > 0.1
+    assert density.moving_negative_mass < 1e-3
+    assert density.trust.verdict == "ok"
     lifted = solve_fpk(SCENES["large motion"], cycles=1, tol=1e-2)
     assert lifted.at_rest[0] == 1.0
     assert lifted.at_rest[1] < 0.05

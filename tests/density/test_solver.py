@@ -62,7 +62,9 @@ def test_the_sides_count_where_survival_is_the_same():
 def test_the_error_at_rest_is_what_levels_tell_and_what_nodes_leave_unseen():
     rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
     solutions = [Solution(np.ones(2), np.zeros((2, 3)), None, rest, np.array([False, True])) for rest in rests]
-    levels = [types.SimpleNamespace(solution=(types.SimpleNamespace(node_error=0.05), one)) for one in solutions]
+    levels = [
+        types.SimpleNamespace(solution=(types.SimpleNamespace(node_error=0.05), solution)) for solution in solutions
+    ]
     assert solver._rest_error(levels) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
 
 
@@ -70,8 +72,8 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     """Where nearly all overturns it is that of the first cycle, however many follow."""
     scene = MAIN.varied(forcing={"amplitude": 6.0})
     monkeypatch.setattr(solver, "TUNING", TUNING._replace(finer_white=0.0))
-    one = explore(scene, scene.period * np.arange(4))
-    monkeypatch.setattr(solver, "explore", lambda *_: one)  # one mesh for both
+    exploration = explore(scene, scene.period * np.arange(4))
+    monkeypatch.setattr(solver, "explore", lambda *_: exploration)  # one mesh for both
     first, last = (solve_fpk(scene, cycles=cycles, tol=1e-2) for cycles in (1, 3))
     assert last.survival[3] < 0.1
     assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
@@ -80,11 +82,11 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
 def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
     monkeypatch.setattr(resolution, "USUAL", {1e-3: 2})
-    found = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
+    density = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
     cells = [mesh_of(MAIN, fineness, 1).cells[0] for fineness in RESOLUTIONS]
-    assert cells.index(found.settings["angle_cells"]) > 2
-    assert found.error_estimate <= 1e-3
-    assert found.bins_error_estimate <= 5e-3
+    assert cells.index(density.settings["angle_cells"]) > 2
+    assert density.error_estimate <= 1e-3
+    assert density.bins_error_estimate <= 5e-3
 
 
 def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
@@ -102,9 +104,9 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
     with pytest.warns(
         RuntimeWarning, match=r"not within the tolerance: estimated error .* in survival \(1.0e-04 wanted\)"
     ) as caught:
-        found = solve_fpk(MAIN, cycles=2, tol=1e-4)
+        density = solve_fpk(MAIN, cycles=2, tol=1e-4)
     assert caught[0].filename == __file__
-    assert found.settings["angle_cells"] == mesh_of(MAIN, RESOLUTIONS[2], 2).cells[0]
+    assert density.settings["angle_cells"] == mesh_of(MAIN, RESOLUTIONS[2], 2).cells[0]
 
 
 @pytest.mark.parametrize(
@@ -117,9 +119,9 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
     ],
 )
 def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allowed):
-    found = refinement.Refined([], error, bins, 0)
+    refined = refinement.Refined([], error, bins, 0)
     with pytest.warns(RuntimeWarning, match=f"; allow {allowed} run$"):
-        solver.warn_beyond("survival", found, 0.1, 0.3, "run", stacklevel=1, **names)
+        solver.warn_beyond("survival", refined, 0.1, 0.3, "run", stacklevel=1, **names)
 
 
 @pytest.mark.parametrize(
@@ -163,22 +165,24 @@ def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys):
     assert capsys.readouterr().err == ""
     notices.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
     assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
-    told = []
+    announced = []
     monkeypatch.setattr(solver, "announce", lambda *_: None)
-    monkeypatch.setattr(solver, "announce_finer", lambda *given: told.append(given))
+    monkeypatch.setattr(solver, "announce_finer", lambda *arguments: announced.append(arguments))
     monkeypatch.setattr(resolution, "USUAL", {1e-3: 2})
-    found = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
-    assert told[-1][2].cells[0] == found.settings["angle_cells"]
-    assert all(seconds > 0.0 for *_, seconds in told)
+    density = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
+    assert announced[-1][2].cells[0] == density.settings["angle_cells"]
+    assert all(seconds > 0.0 for *_, seconds in announced)
     first = mesh_of(MAIN, RESOLUTIONS[2], 1).cells[0]
-    assert told[0][1].cells[0] == first
+    assert announced[0][1].cells[0] == first
 
 
 def test_a_mesh_goes_beyond_the_fastest_paths():
     """By a tenth; blocks that are bound to overturn may be faster than any bound of those that are not."""
     motion = explore(MAIN, MAIN.period * np.arange(3))._replace(fastest=50.0)
     pulse = MAIN.varied(forcing=Pulse("one-sine", 1.0, 2.0))
-    ends = [solver._discretizations(one, one, motion, RESOLUTIONS[:1])[0].velocity_lines[-1] for one in (MAIN, pulse)]
+    ends = [
+        solver._discretizations(scene, scene, motion, RESOLUTIONS[:1])[0].velocity_lines[-1] for scene in (MAIN, pulse)
+    ]
     assert ends == pytest.approx([55.0, 55.0])
 
 
@@ -226,10 +230,10 @@ def test_meshes_and_steps_follow_what_the_block_does():
         forcing = dataclasses.replace(MAIN.forcing, amplitude=amplitude, frequency=frequency)
         return dataclasses.replace(MAIN, forcing=forcing, noise=WhiteNoise(diffusion))
 
-    whole, small, slow = (
-        mesh_of(one, RESOLUTIONS[2]) for one in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
+    main, small, slow = (
+        mesh_of(shaken, RESOLUTIONS[2]) for shaken in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
     )
-    assert whole.steps == 12
+    assert main.steps == 12
     assert slow.steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
     quick = scene(2.8, 9.5, 0.002)
     motion = explore(quick, quick.period * np.arange(11))
@@ -240,18 +244,18 @@ def test_meshes_and_steps_follow_what_the_block_does():
         assert np.all(np.diff(sizes) > -1e-12)
         assert (sizes[1:] / sizes[:-1])[-4:] == pytest.approx(1.3, rel=0.05)
     assert small.angle_lines[-1] == MAIN.overturning.angle
-    assert np.diff(small.angle_lines).min() < 0.05 * np.diff(whole.angle_lines).min()
+    assert np.diff(small.angle_lines).min() < 0.05 * np.diff(main.angle_lines).min()
 
 
 def test_what_is_not_active_is_little_and_counted_as_truncated():
     """With all cells active from the start, and with those that hold something."""
-    mesh, found = mesh_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
+    mesh, solutions = mesh_of(MAIN, RESOLUTIONS[USUAL[1e-2]]), []
     for negligible in (0.0, 1e-8):
         run = PeriodicPropagator(MAIN, mesh, negligible)
-        found.append(run.propagate(MAIN.period * np.arange(3)))
+        solutions.append(run.propagate(MAIN.period * np.arange(3)))
         active = np.mean([step.characteristics.active.mean() for step in run.steps])
-    whole, part = found
+    all_cells, part = solutions
     assert active < 0.6
-    assert 0.0 < abs(part.outflow[2, 2] - whole.outflow[2, 2]) < 1e-5
-    assert np.abs(part.survival - whole.survival).max() < 1e-5
+    assert 0.0 < abs(part.outflow[2, 2] - all_cells.outflow[2, 2]) < 1e-5
+    assert np.abs(part.survival - all_cells.survival).max() < 1e-5
     assert part.survival + part.outflow.sum(axis=1) == pytest.approx(np.ones(3), abs=1e-13)

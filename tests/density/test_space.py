@@ -276,14 +276,16 @@ def test_a_density_goes_into_functionals_of_scikit_fem():
         return (0.5 * velocity**2 + np.abs(angle) - 0.5 * angle**2) * w["density"]
 
     basis = density.basis(order=8)
-    found = energy.assemble(basis, density=basis.interpolate(density.vector))
-    assert found == pytest.approx(density.integral(lambda x, v: 0.5 * v**2 + np.abs(x) - 0.5 * x**2, 8), rel=1e-14)
+    mean_energy = energy.assemble(basis, density=basis.interpolate(density.vector))
+    assert mean_energy == pytest.approx(
+        density.integral(lambda x, v: 0.5 * v**2 + np.abs(x) - 0.5 * x**2, 8), rel=1e-14
+    )
     nodes, weights = np.polynomial.legendre.leggauss(12)
     halves = [(0.6 * (side + nodes), 0.6 * weights) for side in (-1.0, 1.0)]
     x = np.concatenate([points for points, _ in halves])[:, None]
     v, w = 2.0 * nodes, np.outer(np.concatenate([share for _, share in halves]), 2.0 * weights)
     p = (1.5 + x) * (4.0 - v * v) * (1.0 + 0.1 * x * v)
-    assert found == pytest.approx(np.sum(w * p * (0.5 * v**2 + np.abs(x) - 0.5 * x**2)), rel=1e-13)
+    assert mean_energy == pytest.approx(np.sum(w * p * (0.5 * v**2 + np.abs(x) - 0.5 * x**2)), rel=1e-13)
     for low, high in zip(lines[0][:-1], lines[0][1:], strict=True):
         inside = density.integral(lambda x, v, low=low, high=high: (x > low) & (x < high) & (v < np.inf))
         assert inside == pytest.approx(density.bin_probabilities([low, high], [-2.0, 2.0]).item(), rel=1e-12)
@@ -297,10 +299,10 @@ def test_cells_are_found_on_lines_of_any_sizes():
     for table in space.cell_searches:
         lines = table[0]
         points = np.random.default_rng(1).choice([-1.0, 1.0], 500) * np.geomspace(1e-10, 0.999, 500)
-        found = [locate_point(table, point) for point in points]
+        cells_and_places = [locate_point(table, point) for point in points]
         cells = np.searchsorted(lines, points, side="right") - 1
-        assert [cell for cell, _ in found] == cells.tolist()
+        assert [cell for cell, _ in cells_and_places] == cells.tolist()
         middles, halves = 0.5 * (lines[1:] + lines[:-1])[cells], 0.5 * np.diff(lines)[cells]
-        assert [place for _, place in found] == pytest.approx((points - middles) / halves, abs=1e-9)
+        assert [place for _, place in cells_and_places] == pytest.approx((points - middles) / halves, abs=1e-9)
         assert table[2].nbytes < 1e6
         assert locate_point(table, lines[-1])[0] == Exit.TRUNCATED

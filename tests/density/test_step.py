@@ -168,11 +168,11 @@ def test_a_step_that_covers_part_of_the_plane_moves_that_part(trace, coefficient
     cells = np.random.default_rng(2).random(SOURCE.shape[:2]) < 0.4
     more = cells | (np.random.default_rng(3).random(cells.shape) < 0.3)
     step = Step(Characteristics(SOURCE, START, DURATION, DYNAMICS, QUADRATURE, cells=False), SOURCE)
-    whole = Step(trace, SOURCE)
+    everywhere = Step(trace, SOURCE)
     for covered in (cells, more):
         step.activate(covered)
         inside = np.where(covered[:, :, None, None], coefficients, 0.0)
-        expected, sinks = whole.apply(inside)
+        expected, sinks = everywhere.apply(inside)
         out, others = step.apply(coefficients)
         sinks[2] += SOURCE.masses(coefficients - inside).sum()
         assert np.abs(out - expected).max() < 1e-13 * np.abs(expected).max()
@@ -212,7 +212,7 @@ def test_free_cells_are_those_that_no_flight_leaves():
     For good means at a velocity that stays above a margin. A flight is affine in its start, so that corners are the
     extremes. Of those not called free few could be.
     """
-    rng, found = np.random.default_rng(12), np.zeros((2, 2), dtype=int)
+    rng, counts = np.random.default_rng(12), np.zeros((2, 2), dtype=int)
     for _ in range(60):
         forcing = Harmonic(rng.uniform(0.0, 8.0), rng.uniform(1.0, 4.0), rng.uniform(0.0, 6.3))
         dynamics = Dynamics(forcing, 0.02, 0.5, CUTOFF)
@@ -234,10 +234,10 @@ def test_free_cells_are_those_that_no_flight_leaves():
                 speed = matrix[1, 0] * edges[:, None, :, None] + matrix[1, 1] * sides[None, :, None, :] + shift[1]
                 slowest = np.minimum(slowest, np.min(side * speed, axis=(0, 1)))
             meets = (least <= margin) | ((most >= CUTOFF - margin) & (slowest <= faster))
-            np.add.at(found, (marks[columns].astype(int), meets.astype(int)), 1)
-    assert found[0, 1] == 0
-    assert found[0, 0] > 500
-    assert found[1, 0] < 0.2 * found[1, 1]
+            np.add.at(counts, (marks[columns].astype(int), meets.astype(int)), 1)
+    assert counts[0, 1] == 0
+    assert counts[0, 0] > 500
+    assert counts[1, 0] < 0.2 * counts[1, 1]
 
 
 @pytest.mark.parametrize(("point", "side"), [((0.06, -0.4), 1), ((0.05, -0.25), 1), ((-0.04, 0.3), -1)])
@@ -265,8 +265,8 @@ def test_ends_that_something_passes_are_numbered_row_by_row():
     """Rows of sources that pass both ends, none, that hold nothing, that pass the lower end, and the upper one."""
     lines, source = np.arange(6.0), np.array([[0, 5], [1, 4], [3, 3], [0, 4], [1, 5]])
     bounds, still, spread = np.tile([0, 5], (5, 1)), np.zeros((5, 2)), np.ones((5, 2))
-    found = places_of_ends(lines, bounds, still, spread, np.array([-0.1, 0.1]), source)
-    assert found.tolist() == [[0, 1], [-1, -1], [-1, -1], [2, -1], [-1, 3]]
+    places = places_of_ends(lines, bounds, still, spread, np.array([-0.1, 0.1]), source)
+    assert places.tolist() == [[0, 1], [-1, -1], [-1, -1], [2, -1], [-1, 3]]
 
 
 def test_cells_that_meet_a_marked_one_are_marked():

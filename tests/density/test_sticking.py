@@ -26,13 +26,13 @@ def test_a_block_sticks_until_it_would_remember_it_at_the_lift_off():
         rate = 9.0 * 0.36**2 * (1.0 - (1.3 * np.sin(0.1 * np.pi * times)) ** 2) ** 2 / (256.0 * diffusion)
         return (times[1] - times[0]) / 3.0 * (rate[0] + 4.0 * rate[1::2].sum() + 2.0 * rate[2:-1:2].sum() + rate[-1])
 
-    one = sticking(WhiteNoise(diffusion), memory, 1.3)
-    first = one.next_lift_off(0.0)
+    rule = sticking(WhiteNoise(diffusion), memory, 1.3)
+    first = rule.next_lift_off(0.0)
     assert first == pytest.approx(lift_off, abs=0.02)
-    assert one.next_lift_off(first) == first
-    assert memory <= forgotten(one.until(0.0)) < memory + 0.25
-    assert sticking(WhiteNoise(diffusion), 2.0 * memory, 1.3).until(0.0) < one.until(0.0) - 0.1
-    assert one.until(lift_off + 0.05) == pytest.approx(lift_off + 0.05)
+    assert rule.next_lift_off(first) == first
+    assert memory <= forgotten(rule.until(0.0)) < memory + 0.25
+    assert sticking(WhiteNoise(diffusion), 2.0 * memory, 1.3).until(0.0) < rule.until(0.0) - 0.1
+    assert rule.until(lift_off + 0.05) == pytest.approx(lift_off + 0.05)
 
 
 def test_a_block_sticks_only_where_its_layer_is_thin():
@@ -47,13 +47,13 @@ def test_a_block_sticks_only_where_its_layer_is_thin():
 
 def test_what_still_hops_long_before_a_lift_off_stops_and_what_hops_just_before_it_does_not():
     space = Space(np.linspace(-0.004, 0.004, 17), np.linspace(-0.1, 0.1, 21), 2)
-    one = sticking(WhiteNoise(1e-6), 1.0, 1.3)
-    lift_off = one.next_lift_off(0.0)
-    assert one.stopping_cells(0.0, space).all()
-    assert one.stopping_cells(lift_off + 10.0, space).sum() < space.areas.size
-    early, late = (one.stopping_cells(lift_off - before, space).sum() for before in (2.0, 1.2))
+    rule = sticking(WhiteNoise(1e-6), 1.0, 1.3)
+    lift_off = rule.next_lift_off(0.0)
+    assert rule.stopping_cells(0.0, space).all()
+    assert rule.stopping_cells(lift_off + 10.0, space).sum() < space.areas.size
+    early, late = (rule.stopping_cells(lift_off - before, space).sum() for before in (2.0, 1.2))
     assert 4 < late < early < space.areas.size
-    assert one.stopping_cells(lift_off - 0.04, space).sum() == 4
+    assert rule.stopping_cells(lift_off - 0.04, space).sum() == 4
 
 
 def test_a_fast_force_keeps_blocks_hopping_that_a_slow_one_lets_stop():

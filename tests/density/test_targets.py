@@ -32,15 +32,18 @@ def one_by_one(values, ends_of_paths, flags):
         if flags[place] < -1:
             absorbed[Exit.OVERTURNED_LEFT - flags[place]] += amount
             continue
-        found = [np.searchsorted(lines, one, side="right") - 1 for lines, one in zip(TARGET.lines, (x, v), strict=True)]
-        if not all(0 <= n < len(lines) - 1 for n, lines in zip(found, TARGET.lines, strict=True)):
+        cell = [
+            np.searchsorted(lines, coordinate, side="right") - 1
+            for lines, coordinate in zip(TARGET.lines, (x, v), strict=True)
+        ]
+        if not all(0 <= n < len(lines) - 1 for n, lines in zip(cell, TARGET.lines, strict=True)):
             absorbed[2] += amount
             continue
         parts = [
-            legendre_basis(np.array([(one - lines[n]) / (lines[n + 1] - lines[n])]), 3)[0]
-            for n, lines, one in zip(found, TARGET.lines, (x, v), strict=True)
+            legendre_basis(np.array([(coordinate - lines[n]) / (lines[n + 1] - lines[n])]), 3)[0]
+            for n, lines, coordinate in zip(cell, TARGET.lines, (x, v), strict=True)
         ]
-        buffer[found[0] * TARGET.areas.shape[1] + found[1]] += amount * np.outer(*parts).ravel()
+        buffer[cell[0] * TARGET.areas.shape[1] + cell[1]] += amount * np.outer(*parts).ravel()
     return buffer, absorbed
 
 
@@ -69,8 +72,8 @@ def test_groups_gather_the_transpose(some_targets):
     rng, ends_of_paths, flags, targets = some_targets
     function, exits = rng.normal(size=(TARGET.areas.size, 16)), rng.normal(size=3)
     for cell in range(5):
-        values, found, ordered = np.empty(POINTS), np.empty(12 * 3 + 1), np.empty((targets.most, 8))
-        gather_cell(function, exits, NODES, cell, targets, values, found, ordered, BASIS)
+        values, gathered, ordered = np.empty(POINTS), np.empty(12 * 3 + 1), np.empty((targets.most, 8))
+        gather_cell(function, exits, NODES, cell, targets, values, gathered, ordered, BASIS)
         masses = rng.normal(size=POINTS)
         buffer, absorbed = one_by_one(masses, ends_of_paths[cell], flags[cell])
         assert (masses * values).sum() == pytest.approx((buffer * function).sum() + absorbed @ exits, abs=1e-12)
@@ -79,10 +82,10 @@ def test_groups_gather_the_transpose(some_targets):
 def test_later_cells_take_the_spare_entries(some_targets):
     *_, ends_of_paths, flags, _ = some_targets
     searches, first = TARGET.cell_searches, TARGET.first_positive
-    one = Targets.empty().extended(ends_of_paths[:3].copy(), flags[:3], searches, first)
-    more = one.extended(ends_of_paths[3:4].copy(), flags[3:4], searches, first)
-    assert more.coordinates is one.coordinates
-    whole = Targets.empty().extended(ends_of_paths[:4].copy(), flags[:4], searches, first)
-    assert more.nbytes == whole.nbytes
-    for mine, other in zip(more.columns(3, 4), whole.columns(3, 4), strict=True):
+    three_cells = Targets.empty().extended(ends_of_paths[:3].copy(), flags[:3], searches, first)
+    four_cells = three_cells.extended(ends_of_paths[3:4].copy(), flags[3:4], searches, first)
+    assert four_cells.coordinates is three_cells.coordinates
+    at_once = Targets.empty().extended(ends_of_paths[:4].copy(), flags[:4], searches, first)
+    assert four_cells.nbytes == at_once.nbytes
+    for mine, other in zip(four_cells.columns(3, 4), at_once.columns(3, 4), strict=True):
         np.testing.assert_array_equal(mine, other)

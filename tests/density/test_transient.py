@@ -41,23 +41,23 @@ def at_resolution(number, scene, times):
 def test_a_pulse_agrees_with_paths(tmp_path):
     # False alarms: 1e-3 for the 4 times together.
     times, size = [0.05, 1.0, PULSED.forcing.duration, PULSED.forcing.duration + 6.0], 40_000
-    found = solve_fpk(PULSED, times=times, tol=1e-2)
+    density = solve_fpk(PULSED, times=times, tol=1e-2)
     paths = simulate(PULSED, times=times, realizations=size, seed=3)
-    assert found.times.tolist() == [0.0, *times]
-    assert found.cycles is None
-    assert found.settings["unresolved"] == [1]  # so soon after the start it is too narrow
+    assert density.times.tolist() == [0.0, *times]
+    assert density.cycles is None
+    assert density.settings["unresolved"] == [1]  # so soon after the start it is too narrow
     error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert (np.abs(found.survival - paths.survival) <= found.error_estimate + error).all()
-    assert 0.1 < found.survival[-1] < 0.5
-    assert np.abs(found.overturned[-1] - paths.overturned[-1]).max() < 0.01
-    assert found.mass_defect < 1e-12
-    assert found.truncated[-1] < 1e-4
+    assert (np.abs(density.survival - paths.survival) <= density.error_estimate + error).all()
+    assert 0.1 < density.survival[-1] < 0.5
+    assert np.abs(density.overturned[-1] - paths.overturned[-1]).max() < 0.01
+    assert density.mass_defect < 1e-12
+    assert density.truncated[-1] < 1e-4
     edges = np.linspace(-1.6, 1.6, 9), np.linspace(-9.0, 9.0, 9)
-    assert found.bin_probabilities(3, *edges).sum() == pytest.approx(found.survival[3], abs=1e-6)
-    found.save(tmp_path / "density.npz")
+    assert density.bin_probabilities(3, *edges).sum() == pytest.approx(density.survival[3], abs=1e-6)
+    density.save(tmp_path / "density.npz")
     again = Evolution.load(tmp_path / "density.npz")
     assert again.scene == PULSED
-    assert again.times.tobytes() == found.times.tobytes()
+    assert again.times.tobytes() == density.times.tobytes()
 
 
 def test_a_flight_under_an_envelope_has_the_exact_moments():
@@ -66,13 +66,13 @@ def test_a_flight_under_an_envelope_has_the_exact_moments():
     noise = WhiteNoise(0.004, Trapezoid(0.4, 0.3, 0.4))
     scene = Scene(Block(0.8), Pulse("one-sine", 0.6, 3.0), noise, start)
     times = np.array([0.25, 0.6])
-    found = solve_fpk(scene, times=times, tol=1e-2)
+    density = solve_fpk(scene, times=times, tol=1e-2)
     mean, gathered = flight_moments(scene, times, None)
     for k, time in enumerate(times):
         flow = np.array([[np.cosh(time), np.sinh(time)], [np.sinh(time), np.cosh(time)]])
         covariance = gathered[k] + flow @ np.array(start.covariance) @ flow.T
-        assert found.at(k + 1).mean == pytest.approx(mean[k], abs=2e-5)
-        assert found.at(k + 1).covariance == pytest.approx(covariance, abs=5e-3 * np.abs(covariance).max())
+        assert density.at(k + 1).mean == pytest.approx(mean[k], abs=2e-5)
+        assert density.at(k + 1).covariance == pytest.approx(covariance, abs=5e-3 * np.abs(covariance).max())
 
 
 def test_dynamics_have_the_diffusion_of_a_step():
@@ -90,21 +90,21 @@ def test_blocks_that_come_to_rest_after_a_record_are_held_there():
     scene = SHAKEN.varied(forcing={"scale": 0.6}, start=Start(0.2, 0.0, ((0.01, 0.0), (0.0, 0.02))))
     end, size = scene.forcing.duration, 4_000
     times = np.array([0.6 * end, end, end + 5.0, end + 60.0])
-    space, found = at_resolution(0, scene, times)
+    space, solution = at_resolution(0, scene, times)
     paths = simulate(scene, times=times[:3], realizations=size, seed=4)
     error = 3.7 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert (np.abs(found.survival[:4] - paths.survival) <= 1e-2 + error).all()
-    assert 0.1 < found.survival[-1] < 0.9
-    assert found.coefficients[-1] == pytest.approx(found.survival[-1] * density_at_rest(space), abs=1e-12)
-    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
-    assert space.negative_mass(found.coefficients[-1]) == 0.0
+    assert (np.abs(solution.survival[:4] - paths.survival) <= 1e-2 + error).all()
+    assert 0.1 < solution.survival[-1] < 0.9
+    assert solution.coefficients[-1] == pytest.approx(solution.survival[-1] * density_at_rest(space), abs=1e-12)
+    assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
+    assert space.negative_mass(solution.coefficients[-1]) == 0.0
 
 
 def test_a_record_that_never_stirs_a_block_leaves_it_at_rest():
     scene = SHAKEN.varied(forcing={"scale": 0.05}, noise={"diffusion": 0.001})
-    found = solve_fpk(scene, tol=1e-2)
-    assert (found.survival == 1.0).all()
-    assert found.at_rest[1:] == pytest.approx(1.0, abs=1e-12)
+    density = solve_fpk(scene, tol=1e-2)
+    assert (density.survival == 1.0).all()
+    assert density.at_rest[1:] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
@@ -125,19 +125,19 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
 
 def test_the_estimate_is_four_times_as_large_where_blocks_rested_and_were_lifted_off():
     space = Space(np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5), 1)
-    found = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)), None, np.array([False, True]))
+    solution = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)), None, np.array([False, True]))
     propagator, edges = SimpleNamespace(space=space, memory=0.0), [np.linspace(-1.0, 1.0, 4)] * 2
     for reinjected, error in ((0.0, 1e-3), (0.9e-3, 1e-3), (1.1e-3, 4e-3)):
-        level = solver._level_of(propagator, found._replace(reinjected=reinjected), edges)
+        level = solver._level_of(propagator, solution._replace(reinjected=reinjected), edges)
         assert level.error(1e-3, 0.0) == pytest.approx(error)
 
 
 def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():
     noise = WhiteNoise(0.01, Trapezoid(0.5, 2.5, 0.5))
-    _, found = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
-    assert 0.1 < found.reinjected <= 1.0
-    _, found = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.6, 0.8), WhiteNoise(1e-3)), [1.5])
-    assert found.reinjected == 0.0
+    _, solution = at_resolution(0, Scene(Block(0.9), Pulse("symmetric-ricker", 1.3, 1.0), noise), [9.5])
+    assert 0.1 < solution.reinjected <= 1.0
+    _, solution = at_resolution(0, Scene(Block(0.9), Pulse("one-sine", 1.6, 0.8), WhiteNoise(1e-3)), [1.5])
+    assert solution.reinjected == 0.0
 
 
 FROM_REST = {
@@ -181,11 +181,11 @@ def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
     the mean of D; false alarms 1e-3 a scene.
     """
     (scene, sampled, number, within), size = FROM_REST[name], 100_000
-    _, found = at_resolution(number, scene, list(sampled))
+    _, solution = at_resolution(number, scene, list(sampled))
     survival = np.array([1.0, *sampled.values()])
     error = 3.7 * np.sqrt(survival * (1.0 - survival) / size) + 1.0 / size
-    assert (np.abs(found.survival - survival) <= within + error).all()
-    assert np.abs(found.survival + found.outflow.sum(axis=1) - 1.0).max() < 1e-12
+    assert (np.abs(solution.survival - survival) <= within + error).all()
+    assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
 
 
 def test_a_start_is_carried_on_patches_past_the_time_within_which_a_mesh_should_take_over():

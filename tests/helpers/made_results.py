@@ -133,7 +133,7 @@ def _paths(times, seed, paths=PATHS):
 def ensemble(scene=MAIN, times=WHOLE, seed=5, method="rk4"):
     angle, velocity, ends, side = _paths(times, seed)
     result = Ensemble(scene, method, seed, 200, 2.5, times, angle, velocity, ends, side)
-    overturned = np.array([[np.sum((ends <= time) & (side == one)) for one in (-1, 1)] for time in times]) / PATHS
+    overturned = np.array([[np.sum((ends <= time) & (side == sign)) for sign in (-1, 1)] for time in times]) / PATHS
     survival = 1.0 - overturned.sum(axis=1)
     limits = wilson(survival, PATHS)
     variables, places = _survival_grids(result, times, survival, overturned, limits)
@@ -222,9 +222,12 @@ def comparison():
     columns |= {"survival_second_low": nothing, "survival_second_high": nothing}
     columns |= {"difference": pair[0] - pair[1], "standard_error": error, "z": scores}
     variables = {name: (("cycle",), columns[name]) for name in ("difference", "standard_error", "z")}
-    bins = [[one.result.bin_probabilities(cycle, *joint_edges(MAIN)) for cycle in JOINT] for one in (sample, density)]
+    bins = [
+        [compared.result.bin_probabilities(cycle, *joint_edges(MAIN)) for cycle in JOINT]
+        for compared in (sample, density)
+    ]
     figures = {
-        "l1": [np.abs(one - other).sum() for one, other in zip(*bins, strict=True)],
+        "l1": [np.abs(ours - theirs).sum() for ours, theirs in zip(*bins, strict=True)],
         "l1_floor": [distances.l1_floor(law, PATHS, math.inf) for law in bins[1]],
         "hellinger": [math.sqrt(0.5 * ((np.sqrt(a) - np.sqrt(b)) ** 2).sum()) for a, b in zip(*bins, strict=True)],
         "hellinger_floor": [distances.hellinger_floor(law, PATHS, math.inf) for law in bins[1]],
@@ -236,8 +239,11 @@ def comparison():
     empty = np.stack([nothing, nothing], axis=1)
     variables["survival"] = ("cycle", "result"), np.stack(pair, axis=1)
     variables["survival_interval"] = ("cycle", "result", "limit"), np.stack([np.stack(limits, axis=1), empty], axis=1)
-    sides = [np.stack([one["overturned_left"], one["overturned_right"]], axis=1) for one in (first, second)]
-    variables["leakage"] = ("during", "result", "side"), np.stack([one[1:] - one[:-1] for one in sides], axis=1)
+    sides = [np.stack([table["overturned_left"], table["overturned_right"]], axis=1) for table in (first, second)]
+    variables["leakage"] = (
+        ("during", "result", "side"),
+        np.stack([side[1:] - side[:-1] for side in sides], axis=1),
+    )
     places = {"cycle": np.arange(CYCLES + 1), "time": WHOLE, "during": np.arange(1, CYCLES + 1)}
     places |= {"result": ["first", "second"], "limit": ["low", "high"], "side": ["left", "right"]}
     return Made(result, columns, variables, places)

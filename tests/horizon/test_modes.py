@@ -17,7 +17,7 @@ LEADING, FEW = 1.0 - 1e-9, TUNING.steps_before_modes
 
 
 @pytest.fixture(scope="module")
-def known():
+def matrix_and_modes():
     """A matrix of 60 with known modes, two of them a conjugate pair, and a basis that is not orthogonal."""
     rng = np.random.default_rng(3)
     pair = 0.7 * np.array([[math.cos(1.0), math.sin(1.0)], [-math.sin(1.0), math.cos(1.0)]])
@@ -29,27 +29,27 @@ def known():
 def powers_of(matrix, vector):
     """Powers of a matrix with its own modes; the leading logarithm is given as it is known."""
     start = np.random.default_rng(4).random(len(vector))
-    found = leading_modes(lambda x: matrix @ x, start)
-    return Powers(lambda x: matrix @ x, lambda: found, lambda x: np.abs(x).sum(), lambda: math.log(LEADING), vector)
+    leading = leading_modes(lambda x: matrix @ x, start)
+    return Powers(lambda x: matrix @ x, lambda: leading, lambda x: np.abs(x).sum(), lambda: math.log(LEADING), vector)
 
 
-def test_modes_of_a_known_matrix_from_two_starts(known):
+def test_modes_of_a_known_matrix_from_two_starts(matrix_and_modes):
     """Eigenvalues to 1e-10 whatever the start, half of a conjugate pair never, residuals as they say."""
-    matrix, _, diagonal = known
+    matrix, _, diagonal = matrix_and_modes
     expected = np.sort_complex(np.linalg.eigvals(diagonal[:5, :5]))
     for seed in (1, 2):
-        found = leading_modes(lambda x: matrix @ x, np.random.default_rng(seed).random(60), count=5)
-        assert np.sort_complex(found.values) == pytest.approx(expected, abs=1e-10)
-        assert np.abs(matrix @ found.basis - found.basis @ found.block).max() < 1e-10
-        residuals = np.linalg.norm(matrix @ found.basis - found.basis @ found.block, axis=0)
-        assert found.residuals == pytest.approx(residuals)
+        leading = leading_modes(lambda x: matrix @ x, np.random.default_rng(seed).random(60), count=5)
+        assert np.sort_complex(leading.values) == pytest.approx(expected, abs=1e-10)
+        assert np.abs(matrix @ leading.basis - leading.basis @ leading.block).max() < 1e-10
+        residuals = np.linalg.norm(matrix @ leading.basis - leading.basis @ leading.block, axis=0)
+        assert leading.residuals == pytest.approx(residuals)
     three = leading_modes(lambda x: matrix @ x, np.random.default_rng(1).random(60), count=3)
     assert len(three.values) == 2
 
 
-def test_powers_step_by_step_and_by_modes(known):
+def test_powers_step_by_step_and_by_modes(matrix_and_modes):
     """A vector after 1 to 1e9 applications: exact powers of the diagonal; the change-over is not seen."""
-    matrix, basis, diagonal = known
+    matrix, basis, diagonal = matrix_and_modes
     vector = np.random.default_rng(5).random(60)
     powers, amplitudes = powers_of(matrix, vector), np.linalg.solve(basis, vector)
     for count in (1, FEW - 1, FEW, FEW + 1, 100, 1000, 10**6, 10**9):
@@ -69,11 +69,11 @@ def test_what_the_modes_leave_out_falls_like_the_leading_mode(monkeypatch):
     matrix = rng.random((60, 60)) ** 8 + 0.5 * np.eye(60)
     matrix *= rng.uniform(0.9, 0.98, 60) / matrix.sum(axis=0)
     vector = rng.random(60)
-    found = leading_modes(lambda x: matrix @ x, np.ones(60))
-    log = math.log(found.values[0].real)
-    powers = Powers(lambda x: matrix @ x, lambda: found, lambda x: np.abs(x).sum(), lambda: log, vector)
+    leading = leading_modes(lambda x: matrix @ x, np.ones(60))
+    log = math.log(leading.values[0].real)
+    powers = Powers(lambda x: matrix @ x, lambda: leading, lambda x: np.abs(x).sum(), lambda: log, vector)
     at_hand = np.linalg.matrix_power(matrix, 5) @ vector
-    remainder = at_hand - found.basis @ np.linalg.lstsq(found.basis, at_hand, rcond=None)[0]
+    remainder = at_hand - leading.basis @ np.linalg.lstsq(leading.basis, at_hand, rcond=None)[0]
     for count in range(1, 200):
         error = np.abs(powers.after(count) - np.linalg.matrix_power(matrix, count) @ vector).sum()
         if count <= 5:
@@ -84,9 +84,9 @@ def test_what_the_modes_leave_out_falls_like_the_leading_mode(monkeypatch):
             assert 0.01 * expected < error < expected
 
 
-def test_total_is_the_inverse(known):
+def test_total_is_the_inverse(matrix_and_modes):
     """The sum of all powers is (I - K)^-1, whose norm is 1e9 here."""
-    matrix, *_ = known
+    matrix, *_ = matrix_and_modes
     vector = np.random.default_rng(6).random(60)
     expected = np.linalg.solve(np.eye(60) - matrix, vector)
     assert powers_of(matrix, vector).total() == pytest.approx(expected, rel=1e-5)
@@ -123,5 +123,5 @@ def test_spectrum_of_the_linear_saddle(transposed):
         moved = step.apply_adjoint(coefficients, np.zeros(3)) if transposed else step.apply(coefficients)[0]
         return moved.ravel()
 
-    found = leading_modes(apply, np.random.default_rng(1).random(space.unknowns))
-    assert -np.log(np.abs(found.values[:3])) / duration == pytest.approx([1.0, 2.0, 2.0], abs=2e-5)
+    leading = leading_modes(apply, np.random.default_rng(1).random(space.unknowns))
+    assert -np.log(np.abs(leading.values[:3])) / duration == pytest.approx([1.0, 2.0, 2.0], abs=2e-5)

@@ -3,7 +3,6 @@
 import contextlib
 import copy
 import dataclasses
-import math
 import pathlib
 import types
 
@@ -12,7 +11,6 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
-from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space.space import reflected
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon import mesh_operator
@@ -76,8 +74,8 @@ def test_matvec_and_rmatvec_are_adjoint(operator):
     rng = np.random.default_rng(1)
     for _ in range(3):
         first, second = rng.normal(size=(2, operator.shape[0]))
-        one, other = operator.matvec(first) @ second, first @ operator.rmatvec(second)
-        assert one == pytest.approx(other, abs=1e-12 * np.linalg.norm(first) * np.linalg.norm(second))
+        forward, backward = operator.matvec(first) @ second, first @ operator.rmatvec(second)
+        assert forward == pytest.approx(backward, abs=1e-12 * np.linalg.norm(first) * np.linalg.norm(second))
 
 
 def test_survival_map_is_dual_to_the_forward_run(operator):
@@ -145,8 +143,8 @@ def test_the_error_of_survival_covers_both_of_its_reasons(operator, estimate, mo
     for error in (1e-9, 0.05):
         monkeypatch.setattr(operator, "escape_error", error)
         rate = estimate.survival * (1.0 - np.exp(-estimate.cycles * operator.escape_rate * error))
-        told = operator.estimate_survival(estimate.cycles).error_estimate
-        assert np.all(told >= np.maximum(meshes, rate) * (1.0 - 1e-9))
+        estimated = operator.estimate_survival(estimate.cycles).error_estimate
+        assert np.all(estimated >= np.maximum(meshes, rate) * (1.0 - 1e-9))
         ruled.append(((meshes > 1.5 * rate).any(), (rate > 1.5 * meshes).any()))
     assert ruled[0][0]
     assert ruled[1][1]
@@ -156,7 +154,7 @@ def test_a_map_has_the_forward_value_at_rest_and_at_the_scene_s_own_start(operat
     """Beside them it is the adjoint's, which differs more at rest: no mesh resolves how noise sets a block off."""
     moving = Start(0.3, 0.4)
     shifted = copy.copy(operator)  # the operator knows its start, and does not depend on it
-    shifted.scene, shifted._white = (one.varied(start=moving) for one in (operator.scene, operator._white))
+    shifted.scene, shifted._white = (scene.varied(start=moving) for scene in (operator.scene, operator._white))
     passage = [operator.survival_map(cycles)(0.0, 0.0) for cycles in (3, 4)]
     assert passage == pytest.approx(operator.survival([3, 4]), rel=1e-12)
     assert operator.first_passage_map(4)(0.0, 0.0) == pytest.approx(passage[0] - passage[1], rel=1e-9)
@@ -200,7 +198,9 @@ def test_right_and_left_modes_are_biorthogonal(operator):
     values, right = operator.modes()
     others, left = operator.modes(adjoint=True)
     assert np.abs(values[:3] - others[:3]).max() < 1e-9
-    products = np.array([[inner(operator.space, one, other) for other in right[:3]] for one in left[:3]])
+    products = np.array(
+        [[inner(operator.space, left_mode, right_mode) for right_mode in right[:3]] for left_mode in left[:3]]
+    )
     scaled = products / np.diag(products)
     assert np.abs(scaled - np.eye(3)).max() < 1e-7
 
@@ -224,8 +224,8 @@ def test_time_inside_is_dual_to_the_mass_step_by_step(operator, mean):
 
 def test_mean_time_is_the_sum_over_survival(operator, mean):
     """Between the sums over the ends and over the begins of all half cycles, from anywhere and from the attractor."""
-    powers, one, kept = operator._fine.backward_powers(), operator._fine.one, np.exp(-0.5 * operator.escape_rate)
-    standing = [powers.after(k) @ operator.vector(one) for k in range(60)]
+    powers, unity, kept = operator._fine.backward_powers(), operator._fine.one, np.exp(-0.5 * operator.escape_rate)
+    standing = [powers.after(k) @ operator.vector(unity) for k in range(60)]
     begins = 0.5 * (sum(standing) + standing[-1] * kept / (1.0 - kept))
     assert begins - 0.5 * standing[0] < mean.integral < begins
     on_attractor = inner(operator.space, operator.quasi_stationary.coefficients, mean.coefficients)
@@ -236,61 +236,6 @@ def test_mean_time_is_the_sum_over_survival(operator, mean):
 def test_first_passage_map_is_the_loss_of_survival(operator):
     loss = operator.survival_map(2).coefficients - operator.survival_map(3).coefficients
     assert np.abs(operator.first_passage_map(3).coefficients - loss).max() < 1e-13
-
-
-def test_another_leading_eigenvalue_of_the_adjoint_is_refused(monkeypatch):
-    def modes(*values):
-        return types.SimpleNamespace(values=np.array(values))
-
-    one = types.SimpleNamespace(space=types.SimpleNamespace(unknowns=4), rmatvec=None, modes=modes(0.9, 0.5))
-    monkeypatch.setattr(mesh_operator, "leading_modes", lambda *_: modes(0.9, 0.4))
-    assert mesh_operator.MeshOperator.left_modes.func(one).values[1] == 0.4
-    monkeypatch.setattr(mesh_operator, "leading_modes", lambda *_: modes(0.9 - 1e-7, 0.5))
-    with pytest.raises(ValueError, match=r"scene: got 'eigenvalues 0\.9\d+ and 0\.8999999\d+', accepted: .* adjoint"):
-        mesh_operator.MeshOperator.left_modes.func(one)
-
-
-@pytest.mark.parametrize(
-    ("negative", "error", "refused"),
-    [
-        (TUNING.unresolved_negative_mass, 0.99, None),
-        (TUNING.unresolved_negative_mass * 1.0001, 0.1, "does not resolve"),
-        (0.0, 1.0, "one above the error of the finest"),
-        (0.0, math.nan, "one above the error of the finest"),
-    ],
-)
-def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative, error, refused):
-    warned = []
-    monkeypatch.setattr(mesh_operator, "warn_beyond", lambda *given, **_: warned.append(given))
-    fine = types.SimpleNamespace(negative_mass=negative, solution=types.SimpleNamespace(rate=1e-3))
-    refined = types.SimpleNamespace(fine=fine, error=error)
-    if refused:
-        with pytest.raises(ValueError, match=refused):
-            mesh_operator.judge(refined, 1e-3)
-    else:
-        mesh_operator.judge(refined, 1e-3)
-    assert len(warned) == (refused is None)
-
-
-@pytest.mark.parametrize(
-    ("rates", "negative", "stagnated"),
-    [
-        ((0.0, 9e-16), (0.0, 0.0), True),
-        ((0.0, 2e-15), (0.0, 0.0), False),
-        ((1e-3, 1e-3), (1.9, 0.0), False),
-        ((1e-3, 1e-3), (2.1, 0.0), True),
-        ((1e-3, 1e-3), (3.0, 4.0), True),
-        ((1e-3, 1e-3), (3.0, 4.5), False),
-    ],
-)
-def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negative, stagnated):
-    fine, coarse = (
-        types.SimpleNamespace(
-            solution=types.SimpleNamespace(rate=rate), negative_mass=TUNING.unresolved_negative_mass * part
-        )
-        for rate, part in zip(rates, negative, strict=True)
-    )
-    assert mesh_operator.is_stagnated(types.SimpleNamespace(fine=fine, coarse=coarse)) == stagnated
 
 
 def test_half_a_turn_of_the_phase_turns_the_map(operator):
@@ -308,7 +253,7 @@ def test_elastic_impacts_left_modes_mirror_right_ones(elastic):
     space = elastic.space
     (_, right), (_, left) = elastic.modes(), elastic.modes(adjoint=True)
     mirrored = turned_back(left[0])
-    first, second = (one / space.masses(one).sum() for one in (right[0], mirrored))
+    first, second = (density / space.masses(density).sum() for density in (right[0], mirrored))
     assert space.absolute_mass(first - second) < 0.06
     uniform = elastic.survival_map(0).coefficients
     spread = elastic.density(elastic.matvec(elastic.vector(uniform))).coefficients
@@ -433,16 +378,3 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
     assert bins.sum() == pytest.approx(1.0, abs=2e-3)
     assert repr(mean).startswith(f"<PlaneMap: integral {mean.integral:.4g} on ")
     assert len(mean.plot().axes) == 2
-
-
-def test_what_the_mesh_loses_is_an_error_of_the_rate():
-    """With velocities up to 2.5 alone, blocks that would come back are lost: however well two meshes agree."""
-    white = MAIN.white_equivalent()
-    motion = explore(white, white.period * np.arange(5))
-    whole, cut = (mesh_operator.MeshOperator(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
-    off = abs(cut.rate / whole.rate - 1.0)
-    assert off > 0.01
-    assert cut.level.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
-    assert cut.level.error(0.0, 0.0) > 0.5 * off
-    assert cut.level.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
-    assert abs(whole.level.error(0.0, 0.0)) < 1e-3

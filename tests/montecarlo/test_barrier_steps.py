@@ -83,8 +83,8 @@ def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
     segment = types.SimpleNamespace(force=np.zeros(16))
     for late in (0.01, 0.05, -0.02):  # a draw may end before its impact, if the step was to end with it
         u, w = -late * (0.8 + 0.75 * late), -(0.8 + 1.5 * late)
-        found = barrier_steps.reflect_draw(u, w, 1, segment, 0.1, 0.3, 0.33, PARAMETERS, None, 0.0)
-        assert found == pytest.approx((0.0, 0.6 * 0.8, -1, 0.3 - late))
+        reflected = barrier_steps.reflect_draw(u, w, 1, segment, 0.1, 0.3, 0.33, PARAMETERS, None, 0.0)
+        assert reflected == pytest.approx((0.0, 0.6 * 0.8, -1, 0.3 - late))
 
 
 @pytest.mark.parametrize(("w", "lift"), [(0.2, 100.0), (0.0, 100.0), (-0.05, -1.0), (-0.1, 0.0)])
@@ -92,5 +92,5 @@ def test_a_draw_beyond_an_impact_that_no_parabola_has_is_scaled(monkeypatch, w, 
     """It rises, its impact would be before the step, or there is none."""
     monkeypatch.setattr(barrier_steps, "acceleration", lambda *_: lift)
     segment = types.SimpleNamespace(force=np.zeros(16))
-    found = barrier_steps.reflect_draw(-0.01, w, -1, segment, 0.25, 0.3, 0.3, PARAMETERS, None, 0.0)
-    assert found == pytest.approx((0.006, -0.6 * w, 1, 0.3))
+    reflected = barrier_steps.reflect_draw(-0.01, w, -1, segment, 0.25, 0.3, 0.3, PARAMETERS, None, 0.0)
+    assert reflected == pytest.approx((0.006, -0.6 * w, 1, 0.3))

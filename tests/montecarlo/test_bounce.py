@@ -45,8 +45,8 @@ def test_returns_have_the_law_of_mckean(speed, growth, latest):
     diffusion, pull = 0.003, 0.4
     units = diffusion / pull**2, diffusion / pull
     stream, lost = open_stream(stream_keys(5), 0), 0.75 if growth < 0.0 else 0.0
-    given = speed * units[1], pull, growth * pull / units[0], diffusion, math.sqrt((1.0 - lost) * speed)
-    drawn = np.array([first_return(stream, *given) for _ in range(60_000)]) / units
+    flight = speed * units[1], pull, growth * pull / units[0], diffusion, math.sqrt((1.0 - lost) * speed)
+    drawn = np.array([first_return(stream, *flight) for _ in range(60_000)]) / units
     for function in (
         lambda t, v: t + 0.0 * v,
         lambda t, v: v + 0.0 * t,
@@ -69,8 +69,8 @@ def bounce_errors(share, angle, monkeypatch):
         for side in (-1, 1):
             pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, parameters.force[j]) * math.cos(angle)
             speed = share * parameters.grid.spacing * pull
-            after, gone, end = draw_bounce(stream, speed, side, j, begin, math.inf, parameters, None, 0.0)
-            if gone != 0:
+            after, overturned, end = draw_bounce(stream, speed, side, j, begin, math.inf, parameters, None, 0.0)
+            if overturned != 0:
                 segment = Segment(parameters.particular[j], parameters.force[j], -1.0, 1.0, 200.0)
                 _, time, _, v = next_event(
                     0.0, side * speed, side, segment, begin, 10.0 * parameters.grid.spacing, block
@@ -82,10 +82,10 @@ def bounce_errors(share, angle, monkeypatch):
 @pytest.mark.parametrize("angle", [0.0, 0.3])
 def test_bounces_under_a_changing_force_converge(angle, monkeypatch):
     """Against the exact flight, at most 1e-3 off: fourth order of the duration in speed and third in time."""
-    found = [bounce_errors(share, angle, monkeypatch) for share in (0.5, 0.25, 0.125)]
-    common = set(found[0]) & set(found[1]) & set(found[2])
+    errors_of_shares = [bounce_errors(share, angle, monkeypatch) for share in (0.5, 0.25, 0.125)]
+    common = set(errors_of_shares[0]) & set(errors_of_shares[1]) & set(errors_of_shares[2])
     assert len(common) >= 16
-    errors = np.array([[run[key] for key in sorted(common)] for run in found])
+    errors = np.array([[run[key] for key in sorted(common)] for run in errors_of_shares])
     assert np.abs(errors).max() < 1e-3
     speed, time = np.sqrt((errors**2).mean(axis=1)).T
     assert np.all(speed[:-1] > 10.0 * speed[1:])

@@ -35,19 +35,19 @@ def in_small_batches(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def whole():
+def undisturbed():
     return tally(MAIN, **SIZE)
 
 
-def test_same_counts_for_any_threads_and_any_batches(whole, monkeypatch):
+def test_same_counts_for_any_threads_and_any_batches(undisturbed, monkeypatch):
     with at_most(1):
-        assert content(tally(MAIN, **SIZE)) == content(whole)
+        assert content(tally(MAIN, **SIZE)) == content(undisturbed)
     in_small_batches(monkeypatch)
     tuned(monkeypatch, smallest_batch=101)
-    assert content(tally(MAIN, **SIZE)) == content(whole)
+    assert content(tally(MAIN, **SIZE)) == content(undisturbed)
 
 
-def test_memory_does_not_grow_with_the_ensemble(whole, monkeypatch):
+def test_memory_does_not_grow_with_the_ensemble(undisturbed, monkeypatch):
     """Not even where the engine is so fast that a batch could hold all: 0.8 MB of states for the largest."""
     tuned(monkeypatch, batch_seconds=math.inf, tally_states=3 * 300)
     peaks = []
@@ -57,10 +57,10 @@ def test_memory_does_not_grow_with_the_ensemble(whole, monkeypatch):
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[2] < peaks[1] + 100_000
-    told = []
-    assert content(tally(MAIN, **SIZE, progress=lambda *counts: told.append(counts))) == content(whole)
-    assert told[-1] == (3000, 3000)
-    assert {total for _, total in told} == {3000}
+    reports = []
+    assert content(tally(MAIN, **SIZE, progress=lambda *counts: reports.append(counts))) == content(undisturbed)
+    assert reports[-1] == (3000, 3000)
+    assert {total for _, total in reports} == {3000}
 
 
 class Stop:
@@ -76,7 +76,7 @@ class Stop:
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
-def test_a_stopped_run_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch, error):
+def test_a_stopped_run_goes_on_to_the_same_bits(undisturbed, tmp_path, monkeypatch, error):
     in_small_batches(monkeypatch)
     path = tmp_path / "deeper" / "state.npz"
     for _ in range(2):
@@ -85,21 +85,21 @@ def test_a_stopped_run_goes_on_to_the_same_bits(whole, tmp_path, monkeypatch, er
     part = Tally.load(path)
     assert part.realizations == 6 * 64
     dataclasses.replace(part, wall_s=1000.0).save(path)
-    told = []
-    resumed = tally(MAIN, **SIZE, checkpoint=path, progress=lambda *counts: told.append(counts))
-    assert told[0] == (7 * 64, 3000)
-    assert content(resumed) == content(whole)
-    assert content(Tally.load(path)) == content(whole)
+    reports = []
+    resumed = tally(MAIN, **SIZE, checkpoint=path, progress=lambda *counts: reports.append(counts))
+    assert reports[0] == (7 * 64, 3000)
+    assert content(resumed) == content(undisturbed)
+    assert content(Tally.load(path)) == content(undisturbed)
     assert 1000.0 < resumed.wall_s < 1100.0
     assert list(path.parent.iterdir()) == [path]
 
 
-def test_a_finished_run_goes_on_with_more_realizations(whole, tmp_path):
+def test_a_finished_run_goes_on_with_more_realizations(undisturbed, tmp_path):
     path = tmp_path / "state.npz"
     tally(MAIN, cycles=6, realizations=1000, checkpoint=path)
-    assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(whole)
+    assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(undisturbed)
     before = path.read_bytes()
-    assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(whole)
+    assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(undisturbed)
     assert path.read_bytes() == before
 
 
@@ -171,10 +171,10 @@ def test_a_damaged_checkpoint_is_refused_and_kept(tmp_path, damage):
 def test_a_checkpoint_that_cannot_be_written_is_refused_early(tmp_path, monkeypatch):
     in_small_batches(monkeypatch)
     (tmp_path / "file").write_text("in the way\n")
-    told = []
+    reports = []
     with pytest.raises(OSError, match="file"):
-        tally(MAIN, **SIZE, checkpoint=tmp_path / "file" / "state.npz", progress=lambda *counts: told.append(counts))
-    assert told == []
+        tally(MAIN, **SIZE, checkpoint=tmp_path / "file" / "state.npz", progress=lambda *counts: reports.append(counts))
+    assert reports == []
 
 
 def run(*arguments):

@@ -62,11 +62,11 @@ def test_a_saved_ensemble_comes_back(ensemble, tmp_path):
 
 
 def test_progress_is_told_and_may_interrupt():
-    told = []
-    simulate(SCENE, cycles=1, realizations=6000, steps_per_cycle=8, progress=lambda *counts: told.append(counts))
-    assert told[-1] == (6000, 6000)
-    assert len(told) > 1
-    assert sorted(told) == told
+    reports = []
+    simulate(SCENE, cycles=1, realizations=6000, steps_per_cycle=8, progress=lambda *counts: reports.append(counts))
+    assert reports[-1] == (6000, 6000)
+    assert len(reports) > 1
+    assert sorted(reports) == reports
 
     def interrupt(*_):
         raise KeyboardInterrupt
@@ -160,8 +160,12 @@ def test_correlation_dimension_of_known_sets():
     lengths = np.array([0.0125, 0.05])
     on_line = np.diff(np.log(2.0 * lengths - lengths**2))[0] / math.log(4.0)
     in_square = np.diff(np.log(math.pi * lengths**2 - 8.0 / 3.0 * lengths**3 + 0.5 * lengths**4))[0] / math.log(4.0)
-    for points, known, margin in ((line, on_line, 0.005), (square, in_square, 0.01), (triangle, math.log2(3.0), 0.03)):
-        assert correlation_dimension(points, *lengths) == pytest.approx(known, abs=margin)
+    for points, dimension, margin in (
+        (line, on_line, 0.005),
+        (square, in_square, 0.01),
+        (triangle, math.log2(3.0), 0.03),
+    ):
+        assert correlation_dimension(points, *lengths) == pytest.approx(dimension, abs=margin)
     few = np.array([(0.0, 0.0), (1.0, 0.0), (np.nan, 0.0)])
     assert math.isnan(correlation_dimension(few, 0.1, 2.0))
     with pytest.raises(ValueError, match=r"longest: got 0.1, accepted: a finite number > 0.1"):

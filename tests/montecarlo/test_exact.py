@@ -98,12 +98,12 @@ def test_late_cycles_have_their_noise():
     """Impacts up to cycle 60, past chunks and fresh anchors, are those of rk4, whose grid is another."""
     scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40), Start(1e-9))
     # Weak forcing: the block rests again and again and so forgets how it came to where it is.
-    whole = histories(scene, cycles=60, method="exact", samples_per_cycle=1)
+    exact = histories(scene, cycles=60, method="exact", samples_per_cycle=1)
     rk4 = histories(scene, cycles=60, method="rk4", steps_per_cycle=2000, samples_per_cycle=1)
-    one, other = (run.impact_time[np.abs(run.impact_velocity) > 1e-3] for run in (whole, rk4))
-    assert one.size == other.size > 50
-    assert one == pytest.approx(other, abs=1e-6)
-    assert one[-1] > 50 * scene.period
+    exact_impacts, rk4_impacts = (run.impact_time[np.abs(run.impact_velocity) > 1e-3] for run in (exact, rk4))
+    assert exact_impacts.size == rk4_impacts.size > 50
+    assert exact_impacts == pytest.approx(rk4_impacts, abs=1e-6)
+    assert exact_impacts[-1] > 50 * scene.period
 
 
 def orbit_scene(amplitude, frequency, restitution):
@@ -200,5 +200,5 @@ def test_the_mirrored_scene_mirrors():
     mirrored = dataclasses.replace(
         scene, forcing=Harmonic(4.6, 2.7, MAIN.forcing.phase + math.pi), start=Start(-0.2, 0.3)
     )
-    one, other = (simulate(s, cycles=5, realizations=1, method="exact") for s in (scene, mirrored))
-    assert one.angle == pytest.approx(-other.angle, abs=1e-10)
+    plain, mirror_image = (simulate(s, cycles=5, realizations=1, method="exact") for s in (scene, mirrored))
+    assert plain.angle == pytest.approx(-mirror_image.angle, abs=1e-10)

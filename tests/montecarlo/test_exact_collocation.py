@@ -42,8 +42,8 @@ def test_amplitudes_at_which_a_sine_pulse_begins_or_ceases_to_overturn(angle, fr
         for amplitude in (edge - 1.2e-4, edge + 1.2e-4):
             pulse, cutoff = Pulse("one-sine", amplitude, frequency), Overturning(0.5 * math.pi / angle)
             scene = Scene(Block(housner(angle), critical_angle=angle), pulse, NoNoise(), overturning=cutoff)
-            gone = simulate(scene, times=[end + 40.0]).overturn_side[0] != 0
-            assert gone == ((amplitude > edge) == (k != 1))
+            overturns = simulate(scene, times=[end + 40.0]).overturn_side[0] != 0
+            assert overturns == ((amplitude > edge) == (k != 1))
 
 
 @pytest.mark.parametrize(("angle", "start"), [(0.05, 0.4), (0.3, 0.6), (0.3, 0.05), (1.0, 0.5)])
@@ -128,40 +128,40 @@ def test_a_block_becomes_slender_with_order_2(noise):
     slender = simulate(scene.varied(block=Block(0.85)), cycles=1, realizations=100)
     angles, errors = np.array([0.02, 0.04, 0.08]), []
     for angle in angles:
-        found = simulate(scene.varied(block=Block(0.85, critical_angle=float(angle))), cycles=1, realizations=100)
-        errors.append(np.median(np.abs(found.angle - slender.angle)[:, 1]))
+        ensemble = simulate(scene.varied(block=Block(0.85, critical_angle=float(angle))), cycles=1, realizations=100)
+        errors.append(np.median(np.abs(ensemble.angle - slender.angle)[:, 1]))
     assert np.polyfit(np.log(angles), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.15)
 
 
 def test_late_cycles_have_their_noise():
     """In the slender limit, past chunks and fresh anchors: impacts up to cycle 60 are those of the slender engine."""
     scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40), Start(1e-9))
-    whole = histories(scene, cycles=60, samples_per_cycle=1)
+    collocated = histories(scene, cycles=60, samples_per_cycle=1)
     limit = histories(scene.varied(block=Block(0.5, critical_angle=1e-6)), cycles=60, samples_per_cycle=1)
-    one, other = (run.impact_time[np.abs(run.impact_velocity) > 1e-3] for run in (whole, limit))
-    assert one.size == other.size > 50
-    assert one == pytest.approx(other, abs=1e-8)
+    impacts, limit_impacts = (run.impact_time[np.abs(run.impact_velocity) > 1e-3] for run in (collocated, limit))
+    assert impacts.size == limit_impacts.size > 50
+    assert impacts == pytest.approx(limit_impacts, abs=1e-8)
 
 
 @pytest.mark.parametrize("noise", [NOISE, FilteredNoise("low-pass", 0.04, 5.0, 0.7)], ids=["band", "filtered"])
 def test_a_run_that_begins_later_goes_on(noise):
     scene = SCENE.varied(noise=noise)
-    whole = simulate(scene, cycles=4, realizations=6, seed=7)
-    assert np.isfinite(whole.angle[:, 4]).sum() >= 3
-    for r in np.nonzero(np.isfinite(whole.angle[:, 4]))[0]:
-        begun = scene.varied(start=Start(whole.angle[r, 3], whole.velocity[r, 3]))
+    complete = simulate(scene, cycles=4, realizations=6, seed=7)
+    assert np.isfinite(complete.angle[:, 4]).sum() >= 3
+    for r in np.nonzero(np.isfinite(complete.angle[:, 4]))[0]:
+        begun = scene.varied(start=Start(complete.angle[r, 3], complete.velocity[r, 3]))
         run = batches.checked_run(begun, 1, int(r) + 1, 7, None, 200)
         (batch,) = batches.simulate_batches(run, first=int(r), cycle=3)
-        assert batch.angle[0, 1] == pytest.approx(whole.angle[r, 4], abs=1e-11)
+        assert batch.angle[0, 1] == pytest.approx(complete.angle[r, 4], abs=1e-11)
 
 
 def test_maps_samples_and_tallies_are_of_the_same_paths():
-    whole = simulate(SCENE, cycles=6, realizations=300)
+    ensemble = simulate(SCENE, cycles=6, realizations=300)
     run = histories(SCENE, cycles=6, realizations=300, samples_per_cycle=7)
-    assert run.poincare()[0].tobytes() == whole.angle.tobytes()
-    assert run.overturn_time.tobytes() == whole.overturn_time.tobytes()
-    assert np.array_equal(tally(SCENE, cycles=6, realizations=300).overturned, whole.overturned)
-    assert 0.0 < whole.survival[-1] < 1.0
+    assert run.poincare()[0].tobytes() == ensemble.angle.tobytes()
+    assert run.overturn_time.tobytes() == ensemble.overturn_time.tobytes()
+    assert np.array_equal(tally(SCENE, cycles=6, realizations=300).overturned, ensemble.overturned)
+    assert 0.0 < ensemble.survival[-1] < 1.0
     quiet = SCENE.varied(noise=NoNoise())
     mapped = restarted_poincare_map(quiet, cycles=4)
     assert mapped.points[:, 0] == pytest.approx(simulate(quiet, cycles=4).angle[0], abs=1e-11)
@@ -170,8 +170,8 @@ def test_maps_samples_and_tallies_are_of_the_same_paths():
 def test_the_mirrored_scene_mirrors():
     scene = SCENE.varied(noise=NoNoise(), start=Start(0.2, -0.3))
     mirrored = scene.varied(forcing=Harmonic(2.5, 2.7, 1.0 + math.pi), start=Start(-0.2, 0.3))
-    one, other = (simulate(given, cycles=5) for given in (scene, mirrored))
-    assert one.angle == pytest.approx(-other.angle, abs=1e-10, nan_ok=True)
+    plain, mirror_image = (simulate(scene_or_mirrored, cycles=5) for scene_or_mirrored in (scene, mirrored))
+    assert plain.angle == pytest.approx(-mirror_image.angle, abs=1e-10, nan_ok=True)
     # Noise has no side: as many realizations go over to the left as to the right (false alarms: 6e-5).
     still = Scene(BLOCK, Harmonic(0.0, 2.7), BandNoise(1.2, (0.0, 6.0), 30))
     left, right = simulate(still, cycles=4, realizations=4000).overturned[-1] * 4000

@@ -39,8 +39,8 @@ def soil_noise(low_frequency, low_damping):
 SOIL = soil_noise(1.5, 0.4)
 # (d + 5)(d² + 5 d + 25) η = w: noise with a derivative, from three states.
 THIRD = FilteredNoise(LinearFilter([[0, 1, 0], [0, 0, 1], [-125, -50, -10]], [0, 0, 1], [1, 0, 0]), 0.04)
-drawn = pytest.mark.parametrize("noise", [*NOISES, SOIL, THIRD], ids=lambda one: noise_text(one)[:30])
-each = pytest.mark.parametrize("noise", NOISES, ids=lambda one: f"{one.filter}-{one.damping}")
+drawn = pytest.mark.parametrize("noise", [*NOISES, SOIL, THIRD], ids=lambda noise: noise_text(noise)[:30])
+each = pytest.mark.parametrize("noise", NOISES, ids=lambda noise: f"{noise.filter}-{noise.damping}")
 
 
 def scene_of(noise, amplitude=4.6, frequency=2.7, restitution=0.5, start=None):
@@ -131,12 +131,12 @@ def flown(parameters):
     covariance = np.zeros((n + 2, n + 2))
     covariance[:n, :n] = parameters.noise.stationary @ parameters.noise.stationary.T
     move, spread = parameters.noise.move, parameters.noise.spread
-    known, drawn = np.vstack([np.eye(n), move]), np.vstack([np.zeros((n, n + 2)), spread])
+    states, drawn = np.vstack([np.eye(n), move]), np.vstack([np.zeros((n, n + 2)), spread])
     keep, swap = parameters.hyperbolic
     for response in parameters.envelope.response:
         moves = response @ parameters.noise.shape
         step, source = np.zeros((n + 2, n + 2)), np.vstack([spread[:n], moves @ drawn])
-        step[:n, :n], step[n:, :n], step[n:, n:] = move[:n], moves @ known, [[keep, swap], [swap, keep]]
+        step[:n, :n], step[n:, :n], step[n:, n:] = move[:n], moves @ states, [[keep, swap], [swap, keep]]
         covariance = step @ covariance @ step.T + source @ source.T
     return covariance[n:, n:]
 
@@ -158,8 +158,8 @@ def quadrature(noise, end):
             for first, last in itertools.pairwise([*edges[edges < time], time]):
                 early = first + 0.5 * (last - first) * (1.0 + nodes)
                 part = 0.5 * (last - first) * weights * formulas.autocovariance(noise, time - early)
-                one = weight * np.outer(kernels(time), kernels(early) @ part)
-                total += one + one.T
+                product = weight * np.outer(kernels(time), kernels(early) @ part)
+                total += product + product.T
     return total
 
 
@@ -168,8 +168,8 @@ def quadrature(noise, end):
 def test_kinks_and_jumps_of_an_envelope_are_in_the_variance_of_a_flight(noise, envelope):
     """At the default steps, whose intervals the kinks cut."""
     noise = dataclasses.replace(noise, envelope=envelope)
-    found = flown(tables_over(scene_of(noise), 0.7))
-    assert found == pytest.approx(quadrature(noise, 0.7), rel=1e-5)
+    variance = flown(tables_over(scene_of(noise), 0.7))
+    assert variance == pytest.approx(quadrature(noise, 0.7), rel=1e-5)
 
 
 def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_interval():
@@ -197,10 +197,10 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
 def test_without_variance_it_is_the_deterministic_path(noise, variance):
     scene = scene_of(dataclasses.replace(noise, variance=variance), start=Start(0.1, 0.2))
     truth = simulate(scene.varied(noise=NoNoise()), cycles=8, realizations=1)
-    found = simulate(scene, cycles=8, realizations=3)
-    assert found.method == "filtered"
-    assert np.abs(found.angle - truth.angle).max() < 1e-10
-    assert np.abs(found.velocity - truth.velocity).max() < 1e-10
+    path = simulate(scene, cycles=8, realizations=3)
+    assert path.method == "filtered"
+    assert np.abs(path.angle - truth.angle).max() < 1e-10
+    assert np.abs(path.velocity - truth.velocity).max() < 1e-10
 
 
 @pytest.mark.parametrize("name", ["exponential", "low-pass", "kanai-tajimi"])
@@ -213,12 +213,12 @@ def test_a_slow_filter_is_a_constant_force(name):
     if name == "kanai-tajimi":
         scene = scene.varied(noise={"damping": 1e-3})
     scene = dataclasses.replace(scene, overturning=Overturning(100.0))
-    found = simulate(scene, cycles=1, realizations=20_000, seed=5).angle[:, 1]
-    still = found == 0.0
+    angle = simulate(scene, cycles=1, realizations=20_000, seed=5).angle[:, 1]
+    still = angle == 0.0
     expected = math.erf(1.0 / math.sqrt(2.0 * variance))
     # A filter as slow as this still moves η by some 0.05 in a cycle, which lifts a few more blocks off.
     assert abs(still.mean() - expected) < 0.02
-    eta = (1.0 + np.abs(found) / (math.cosh(1.0) - 1.0)) * np.sign(found)
+    eta = (1.0 + np.abs(angle) / (math.cosh(1.0) - 1.0)) * np.sign(angle)
     moved = eta[~still & (np.abs(eta) > 1.2)]
     tail = math.erfc(1.2 / math.sqrt(2.0 * variance))
 
@@ -265,12 +265,12 @@ def test_same_paths_for_any_threads_size_and_samples(noise):
 def test_a_run_that_begins_later_sees_the_same_noise():
     """From where a path is after three cycles a run that begins there goes on as the path does."""
     scene = scene_of(LOW_PASS)
-    whole = simulate(scene, cycles=4, realizations=6, seed=7)
-    for r in np.nonzero(np.isfinite(whole.angle[:, 4]))[0]:
-        begun = scene.varied(start=Start(whole.angle[r, 3], whole.velocity[r, 3]))
+    complete = simulate(scene, cycles=4, realizations=6, seed=7)
+    for r in np.nonzero(np.isfinite(complete.angle[:, 4]))[0]:
+        begun = scene.varied(start=Start(complete.angle[r, 3], complete.velocity[r, 3]))
         run = batches.checked_run(begun, 1, int(r) + 1, 7, "filtered", 200)
         (batch,) = batches.simulate_batches(run, first=int(r), cycle=3)
-        assert batch.angle[0, 1] == pytest.approx(whole.angle[r, 4], abs=1e-12)
+        assert batch.angle[0, 1] == pytest.approx(complete.angle[r, 4], abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -295,11 +295,11 @@ def test_survival_under_clough_penzien_noise_is_that_of_small_steps():
     Kanai-Tajimi noise without the second filter leaves .24 fewer after three cycles.
     """
     scene = scene_of(FilteredNoise(CloughPenzien(15.0, 0.6, 1.5, 0.4), 1.2))
-    found = simulate(scene, cycles=3, realizations=40_000, seed=3).survival[1:]
+    sampled = simulate(scene, cycles=3, realizations=40_000, seed=3).survival[1:]
     truth = survival(soil(15.0, 0.6, 1.5, 0.4), 1.2, 4.6, 2.7, 0.5, 0.5 * math.pi, 3, 10_000, 400, 1)
     assert 0.5 < truth[-1] < 0.95
     error = np.sqrt(truth * (1.0 - truth) * (1.0 / 40_000 + 1.0 / 10_000))
-    assert np.all(np.abs(found - truth) < 3.6 * error + 5e-4)
+    assert np.all(np.abs(sampled - truth) < 3.6 * error + 5e-4)
 
 
 def test_fast_filters_approach_white_noise():
@@ -316,49 +316,51 @@ def test_fast_filters_approach_white_noise():
 
 def test_tally_counts_the_same_paths(tmp_path):
     scene, sampled = scene_of(LOW_PASS), {"cycles": 3, "seed": 2}
-    whole = simulate(scene, realizations=700, **sampled)
+    ensemble = simulate(scene, realizations=700, **sampled)
     tally(scene, realizations=300, checkpoint=tmp_path / "kept.npz", **sampled)
     counted = tally(scene, realizations=700, checkpoint=tmp_path / "kept.npz", **sampled)
-    assert np.array_equal(counted.survivors, whole.survivors)
+    assert np.array_equal(counted.survivors, ensemble.survivors)
     assert counted.method == "filtered"
-    assert survival_test(counted.survivors[1:], 700, whole.survivors[1:], 700).agrees
+    assert survival_test(counted.survivors[1:], 700, ensemble.survivors[1:], 700).agrees
+
+
+def one_path(noise, **asked):
+    return simulate(scene_of(noise), cycles=1, realizations=1, **asked)
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
         (
-            lambda: simulate(load_scene("cases/scenes/main.toml"), cycles=1, realizations=1, method="filtered"),
+            lambda: simulate(load_scene("main"), cycles=1, realizations=1, method="filtered"),
             r"method: got 'filtered', accepted: 'exact' or 'rk4' .*scene\.filtered_equivalent\(\)",
         ),
         (
-            lambda: simulate(scene_of(LOW_PASS), cycles=1, realizations=1, method="exact"),
+            lambda: one_path(LOW_PASS, method="exact"),
             "method: got 'exact', accepted: 'filtered' for noise of kind 'filtered'",
         ),
         (
-            lambda: simulate(
-                scene_of(FilteredNoise("exponential", 0.1, 1e3)), cycles=1, realizations=1, steps_per_cycle=10**6
-            ),
+            lambda: one_path(FilteredNoise("exponential", 0.1, 1e3), steps_per_cycle=10**6),
             r"steps_per_cycle: got 1000000, accepted: up to 2252. with a filter of this rate",
         ),
         (
-            lambda: simulate(scene_of(FilteredNoise("exponential", 0.1, 1e-4)), cycles=1, realizations=1),
+            lambda: one_path(FilteredNoise("exponential", 0.1, 1e-4)),
             r"noise\.frequency: got 0\.0001, accepted: an absolute value from 0\.001 to 10000",
         ),
         (
-            lambda: simulate(scene_of(FilteredNoise("low-pass", 0.1, 9e3, 40.0)), cycles=1, realizations=1),
+            lambda: one_path(FilteredNoise("low-pass", 0.1, 9e3, 40.0)),
             r"noise\.frequency: got 9000\.0, accepted: a filter whose fastest rate",
         ),
         (
-            lambda: simulate(scene_of(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)), cycles=1, realizations=1),
+            lambda: one_path(FilteredNoise("low-pass", 0.1, 9.0, 1e-4)),
             r"noise\.damping: got 0\.0001, accepted: from 0\.001 to 1000",
         ),
         (
-            lambda: simulate(scene_of(soil_noise(1e-4, 0.6)), cycles=1, realizations=1),
+            lambda: one_path(soil_noise(1e-4, 0.6)),
             r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues of sizes from 0\.001 to 10000",
         ),
         (
-            lambda: simulate(scene_of(soil_noise(1.0, 1e-4)), cycles=1, realizations=1),
+            lambda: one_path(soil_noise(1.0, 1e-4)),
             r"noise\.filter: got 'Clough-Penzien noise.*, accepted: eigenvalues .* decay by 0\.001 of their size",
         ),
         (
@@ -368,7 +370,7 @@ def test_tally_counts_the_same_paths(tmp_path):
         (lambda: CycleOperator(scene_of(LOW_PASS)), r"noise\.kind: got 'filtered', accepted: .*solve_fpk\(\)"),
     ],
 )
-def test_refusals(call, message):
+def test_what_filtered_noise_does_not_allow_is_refused_by_name(call, message):
     with pytest.raises(ValueError, match=message):
         call()
 
@@ -389,7 +391,7 @@ def test_results_name_their_noise():
 @pytest.mark.parametrize(
     ("noise", "order"), [(NOISES[1], 1.65), (FilteredNoise("low-pass", 0.0406, 15.5, 0.7071), 2.4)]
 )
-def test_order_of_the_intervals(noise, order):
+def test_intervals_have_the_order_of_their_noise(noise, order):
     """Coupled paths of a block near |f| = 1 after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer.
 
     The order is that of the mean angle where the noise is rough, and of the share at rest where it is smooth, whose

@@ -43,7 +43,7 @@ def test_forces_accelerate_the_centre_of_mass(side):
         return np.array([-side * radius * np.sin(phi), radius * np.cos(phi)])
 
     times = np.linspace(0.1, 1.1, 11)
-    found = forces_at(*solved.sol(times), force(times), alpha)
+    forces = forces_at(*solved.sol(times), force(times), alpha)
     assert np.all(side * solved.sol(times)[0] > 0.0)
     errors = []
     for step in (0.02, 0.01, 0.005):
@@ -51,7 +51,7 @@ def test_forces_accelerate_the_centre_of_mass(side):
         # f is the acceleration of the base towards x < 0 over g α.
         second[0] -= g * alpha * force(times)
         second[1] += g
-        errors.append(np.abs(found - second / g).max())
+        errors.append(np.abs(forces - second / g).max())
     assert np.polyfit(np.log([0.02, 0.01, 0.005]), np.log(errors), 1)[0] == pytest.approx(2.0, abs=0.05)
     assert errors[-1] < 1e-4
 
@@ -87,7 +87,7 @@ def test_the_noise_that_is_drawn_again_is_that_of_the_paths(method):
         scene = scene.varied(noise=FilteredNoise("low-pass", 0.3, 5.0, 0.7, Trapezoid(0.5, 2.0, 1.0)))
     covariance = ((1e-2, 0.0), (0.0, 1e-2)) if method in {"exact", "filtered"} else None
     scene = dataclasses.replace(scene, start=Start(0.3, 0.2, covariance))
-    found = histories(
+    paths = histories(
         scene,
         cycles=2,
         realizations=3,
@@ -96,11 +96,11 @@ def test_the_noise_that_is_drawn_again_is_that_of_the_paths(method):
         samples_per_cycle=400,
         steps_per_cycle=400,
     )
-    forces = contact_forces(found)
-    step, alpha = found.time[1], SIZE.critical_angle
-    x, v = found.angle[:, 1:-1], found.velocity[:, 1:-1]
-    acceleration = (found.velocity[:, 2:] - found.velocity[:, :-2]) / (2.0 * step)
-    smooth = (np.sign(found.angle[:, 2:]) == np.sign(found.angle[:, :-2])) & (np.abs(x) > 0.02)
+    forces = contact_forces(paths)
+    step, alpha = paths.time[1], SIZE.critical_angle
+    x, v = paths.angle[:, 1:-1], paths.velocity[:, 1:-1]
+    acceleration = (paths.velocity[:, 2:] - paths.velocity[:, :-2]) / (2.0 * step)
+    smooth = (np.sign(paths.angle[:, 2:]) == np.sign(paths.angle[:, :-2])) & (np.abs(x) > 0.02)
     side = np.sign(x)
     phi = alpha * (1.0 - side * x)
     base = 0.75 * (alpha * acceleration * np.cos(phi) + side * (alpha * v) ** 2 * np.sin(phi))
@@ -110,30 +110,30 @@ def test_the_noise_that_is_drawn_again_is_that_of_the_paths(method):
 
 
 def test_the_sentence_and_the_probability_of_sliding():
-    found = contact_forces(histories(SCENE, cycles=3, realizations=40, seed=2))
-    assert found.friction.shape == (40, found.time.size)
+    forces = contact_forces(histories(SCENE, cycles=3, realizations=40, seed=2))
+    assert forces.friction.shape == (40, forces.time.size)
     assert SCENE.block.least_friction == pytest.approx(0.5 / 1.8, rel=1e-14)
-    part, error = found.sliding([0.0, np.sort(found.needed)[9], 10.0])
+    part, error = forces.sliding([0.0, np.sort(forces.needed)[9], 10.0])
     assert part == pytest.approx([1.0, 30 / 40, 0.0])
     assert error == pytest.approx([0.0, math.sqrt(0.75 * 0.25 / 40), 0.0])
-    assert isinstance(found.sliding(0.3)[0], float)
-    assert str(found).startswith("A block with a friction coefficient below 0.278 slides before it rocks; at the ")
-    assert f"up to {found.needed.max():.3g} (median of 40 paths {np.median(found.needed):.3g})" in str(found)
-    assert f"falls to {found.least.min():.3g} of the weight" in str(found)
-    lifted = dataclasses.replace(found, normal=found.normal - found.least.min())
+    assert isinstance(forces.sliding(0.3)[0], float)
+    assert str(forces).startswith("A block with a friction coefficient below 0.278 slides before it rocks; at the ")
+    assert f"up to {forces.needed.max():.3g} (median of 40 paths {np.median(forces.needed):.3g})" in str(forces)
+    assert f"falls to {forces.least.min():.3g} of the weight" in str(forces)
+    lifted = dataclasses.replace(forces, normal=forces.normal - forces.least.min())
     assert np.isinf(lifted.needed).sum() == 1
     assert "the corner leaves the floor in 1 of 40 paths" in str(lifted)
     with pytest.raises(ValueError, match=r"^friction: got -0\.1, accepted: numbers >= 0"):
-        found.sliding(-0.1)
+        forces.sliding(-0.1)
 
 
 def test_one_path_of_a_pulse_that_rests_needs_the_acceleration_over_g():
     scene = Scene(Block(0.9, SIZE, slender=True), Pulse("one-sine", 0.8, 3.0), NoNoise())
-    found = contact_forces(histories(scene, times=np.linspace(0.0, 2.0, 401)))
+    forces = contact_forces(histories(scene, times=np.linspace(0.0, 2.0, 401)))
     alpha = SIZE.critical_angle
-    assert found.needed == pytest.approx([0.8 * alpha], rel=1e-4)
-    assert found.least == pytest.approx([1.0], rel=1e-14)
-    assert "(median" not in found.headline
+    assert forces.needed == pytest.approx([0.8 * alpha], rel=1e-4)
+    assert forces.least == pytest.approx([1.0], rel=1e-14)
+    assert "(median" not in forces.headline
 
 
 @pytest.mark.parametrize(
@@ -144,8 +144,8 @@ def test_one_path_of_a_pulse_that_rests_needs_the_acceleration_over_g():
     ],
 )
 def test_what_has_no_contact_forces_is_refused(changed, message):
-    found = histories(SCENE, cycles=1)
+    path = histories(SCENE, cycles=1)
     with pytest.raises(ValueError, match=message):
-        contact_forces(dataclasses.replace(found, scene=dataclasses.replace(SCENE, **changed)))
+        contact_forces(dataclasses.replace(path, scene=dataclasses.replace(SCENE, **changed)))
     with pytest.raises(TypeError, match=r"^histories: got "):
         contact_forces(SCENE)

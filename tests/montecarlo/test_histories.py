@@ -124,21 +124,21 @@ def test_no_impact_is_dropped_where_there_are_many():
 
 def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_for(monkeypatch):
     scene = Scene(Block(0.9), Harmonic(1.2, 2.0), BandNoise(0.1, (0.0, 6.0), 20))
-    whole = histories(scene, cycles=1, realizations=20)
+    roomy = histories(scene, cycles=1, realizations=20)
     capacity = 10
-    assert whole.impacts.min() < capacity < whole.impacts.max()
+    assert roomy.impacts.min() < capacity < roomy.impacts.max()
     monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(impacts_per_cycle=capacity))
     again = histories(scene, cycles=1, realizations=20)
     for name in ("angle", "impact_realization", "impact_time", "impact_velocity"):
-        assert getattr(again, name).tobytes() == getattr(whole, name).tobytes()
+        assert getattr(again, name).tobytes() == getattr(roomy, name).tobytes()
 
 
 @pytest.mark.parametrize("method", ["rk4", "exact"])
 def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
     """Band noise: restarted at kT from where it was, a realization repeats itself, with times from τ = 0."""
-    whole = histories(MAIN, cycles=20, realizations=60, seed=3, method=method, samples_per_cycle=1)
-    angle, velocity = whole.poincare()
-    r = np.flatnonzero(whole.overturn_side == 0)[0]
+    complete = histories(MAIN, cycles=20, realizations=60, seed=3, method=method, samples_per_cycle=1)
+    angle, velocity = complete.poincare()
+    r = np.flatnonzero(complete.overturn_side == 0)[0]
     for cycle in (1, 5, 18):
         scene = dataclasses.replace(MAIN, start=Start(angle[r, cycle], velocity[r, cycle]))
         run = batches.checked_run(scene, 1, r + 1, 3, method, 200)
@@ -146,23 +146,25 @@ def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
         assert batch.angle[0, 1] == pytest.approx(angle[r, cycle + 1], abs=1e-9)
         assert batch.velocity[0, 1] == pytest.approx(velocity[r, cycle + 1], abs=1e-9)
         begin, end = cycle * MAIN.period, (cycle + 1) * MAIN.period
-        during = (whole.impact_realization == r) & (whole.impact_time >= begin) & (whole.impact_time < end)
-        assert batch.impacts.time[0, : batch.impacts.count[0]] == pytest.approx(whole.impact_time[during], abs=1e-9)
+        during = (complete.impact_realization == r) & (complete.impact_time >= begin) & (complete.impact_time < end)
+        assert batch.impacts.time[0, : batch.impacts.count[0]] == pytest.approx(complete.impact_time[during], abs=1e-9)
 
 
 @pytest.mark.parametrize("method", ["rk4", "exact"])
 def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
     """Over 50 cycles, in which the noise's rotations are begun anew; weak forcing, so that the start is forgotten."""
     scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
-    whole = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
+    complete = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
     run = batches.checked_run(scene, 50, 1, 3, method, 200)
     late = next(batches.simulate_batches(run, capacity=1000, cycle=7)).impacts
-    one = whole.impact_time[(whole.impact_time > 20.0 * scene.period) & (np.abs(whole.impact_velocity) > 1e-3)]
+    late_impacts = complete.impact_time[
+        (complete.impact_time > 20.0 * scene.period) & (np.abs(complete.impact_velocity) > 1e-3)
+    ]
     time, speed = late.time[0, : late.count[0]], np.abs(late.velocity[0, : late.count[0]])
     other = time[(time > 20.0 * scene.period) & (speed > 1e-3)]
-    assert one.size == other.size > 50
-    assert one == pytest.approx(other, abs=1e-6)
-    assert one[-1] > 50.0 * scene.period
+    assert late_impacts.size == other.size > 50
+    assert late_impacts == pytest.approx(other, abs=1e-6)
+    assert late_impacts[-1] > 50.0 * scene.period
 
 
 def test_white_paths_of_a_later_cycle_are_others():
@@ -170,8 +172,8 @@ def test_white_paths_of_a_later_cycle_are_others():
     first, second = (next(batches.simulate_batches(run, cycle=cycle)) for cycle in (0, 1))
     assert not np.any(first.angle[:, 1] == second.angle[:, 1])
     scene = dataclasses.replace(WHITE, start=Start(1.4, 0.8))
-    gone = next(batches.simulate_batches(batches.checked_run(scene, 1, 40, 3, None, 200), cycle=7))
-    assert np.all(gone.overturn_time > 7.0 * scene.period)
+    later = next(batches.simulate_batches(batches.checked_run(scene, 1, 40, 3, None, 200), cycle=7))
+    assert np.all(later.overturn_time > 7.0 * scene.period)
 
 
 def test_saved_histories_come_back(tmp_path):
@@ -179,8 +181,8 @@ def test_saved_histories_come_back(tmp_path):
     run.save(tmp_path / "histories.npz")
     loaded = Histories.load(tmp_path / "histories.npz")
     for field in dataclasses.fields(Histories):
-        kept, found = getattr(run, field.name), getattr(loaded, field.name)
-        assert found.tobytes() == kept.tobytes() if isinstance(kept, np.ndarray) else found == kept
+        kept, read = getattr(run, field.name), getattr(loaded, field.name)
+        assert read.tobytes() == kept.tobytes() if isinstance(kept, np.ndarray) else read == kept
     with pytest.raises(ValueError, match="read-only"):
         loaded.angle[0, 0] = 1.0
 

@@ -44,15 +44,15 @@ def test_paths_are_those_of_the_scaled_scene(name):
 def test_the_largest_angle_is_that_of_a_fine_history(name):
     scene, lasting = SCENES[name]
     scales = np.array([0.4, 0.55, 1.0, 1.35])
-    found = ScaledPaths(scene, **lasting)(scales)
+    paths = ScaledPaths(scene, **lasting)(scales)
     end = lasting.get("times", [scene.forcing.duration + 10.0])[-1]
     fine = lasting | {"samples_per_cycle": 20_000} if scene.repeats else {"times": np.linspace(0.0, end, 100_000)}
-    for scale, peak, side in zip(scales, found.peak, found.overturn_side, strict=True):
+    for scale, peak, side in zip(scales, paths.peak, paths.overturn_side, strict=True):
         path = histories(scaled(scene, scale), **fine)
         expected = scene.overturning.angle if side else np.nanmax(np.abs(path.angle))
         # Cubics over intervals of .2 are right to some 1e-5, over the .1 of this record to 1e-6.
         assert peak == pytest.approx(expected, abs=5e-5 if scene.forcing.kind != "record" else 2e-6)
-    assert (found.overturn_side == 0).any()
+    assert (paths.overturn_side == 0).any()
 
 
 @pytest.mark.parametrize("number", [1, 4, 9, 15])

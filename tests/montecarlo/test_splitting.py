@@ -176,7 +176,7 @@ def test_the_score_is_the_nearest_approach_of_an_independent_block():
     scores = score_table(MAIN, intervals)
     _, _, n_angle, n_velocity = scores.table.shape
     shift = 4.6 / math.hypot(1.0, 2.7)
-    cutoff, found = MAIN.overturning.angle, []
+    cutoff, nearest = MAIN.overturning.angle, []
     for j, side, a, b in ((5, -1, 40, 110), (17, 1, 70, 80), (30, -1, 5, 150)):
         u, w = cutoff * a / (n_angle - 1), scores.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
         block = oracle.Block(4.6, 2.7, math.pi, 0.5, cutoff, side * u, side * w, side)
@@ -188,9 +188,9 @@ def test_the_score_is_the_nearest_approach_of_an_independent_block():
                 best = max(best, block.side * (block.x + block.v - saddle) - 1.0)
                 impacts = len(block.events)
             block.advance(block.t + 0.002)
-        found.append(best)
+        nearest.append(best)
         assert score_of_state(u, w, side, j, scores) == pytest.approx(best, rel=0.01, abs=1e-3)
-    assert max(found) > 0.0 > min(found)
+    assert max(nearest) > 0.0 > min(nearest)
 
 
 def test_scores_are_bilinear_between_the_nodes_and_those_of_the_edge_beyond():

@@ -71,10 +71,10 @@ def test_orders_of_a_flight():
     """State of order 4 by both methods; covariance, by differences of the state, of order 2 and to 1e-3 at h = .075."""
     counts = np.array([4, 8, 16, 32])
     flights = [(u, w, side) for u, w in ((0.3, 0.5), (0.9, -0.7)) for side in (-1, 1)]
-    truth = np.array([flight(*one, 0.6) for one in flights])
+    truth = np.array([flight(*start, 0.6) for start in flights])
     for method in (classical_step, nystrom_step):
-        found = np.array([[stepped(method, *one, n) for one in flights] for n in counts])
-        errors = np.abs(found - truth)
+        ends = np.array([[stepped(method, *start, n) for start in flights] for n in counts])
+        errors = np.abs(ends - truth)
         state = errors[:, :, :2].max(axis=(1, 2))
         assert -np.polyfit(np.log(counts), np.log(state), 1)[0] == pytest.approx(4.0, abs=0.15)
         assert state[1] < 3e-6
@@ -89,9 +89,9 @@ def noise_of(scene, number, seed):
     harmonics = rk4.workspace_of(parameters).harmonics
     draw_start_and_noise(open_stream(stream_keys(seed), number), parameters.start, parameters.band, harmonics)
     rates, phases = 2.0 * math.pi * harmonics.ratios / scene.period, 2.0 * math.pi * harmonics.phases
-    known = scene.forcing
+    harmonic = scene.forcing
     return lambda t: (
-        -known.amplitude * math.cos(known.frequency * t + known.phase)
+        -harmonic.amplitude * math.cos(harmonic.frequency * t + harmonic.phase)
         + float(harmonics.weights @ np.cos(rates * t + phases))
     )
 
@@ -101,9 +101,9 @@ def test_runge_kutta_is_of_order_four_along_the_same_noise():
     truth = np.array([followed(ALPHA, 0.8, CUTOFF, noise_of(BAND, r, 3), (0.0, 0.0), times) for r in range(size)])
     medians = []
     for n in counts:
-        found = simulate(BAND, cycles=2, realizations=size, seed=3, method="rk4", steps_per_cycle=int(n))
-        assert np.array_equal(np.isnan(found.angle[:, 1:]), np.isnan(truth[:, :, 0]))
-        medians.append(np.nanmedian(np.abs(found.angle[:, 1:] - truth[:, :, 0])))
+        ensemble = simulate(BAND, cycles=2, realizations=size, seed=3, method="rk4", steps_per_cycle=int(n))
+        assert np.array_equal(np.isnan(ensemble.angle[:, 1:]), np.isnan(truth[:, :, 0]))
+        medians.append(np.nanmedian(np.abs(ensemble.angle[:, 1:] - truth[:, :, 0])))
     assert np.isfinite(truth).mean() > 0.5
     assert -np.polyfit(np.log(counts), np.log(medians), 1)[0] == pytest.approx(4.0, abs=0.15)
     assert medians[-1] < 1e-8
@@ -119,24 +119,24 @@ def test_the_slender_block_is_the_limit(scene, method):
         assert simulate(scene.varied(block=block), **common).angle.tobytes() == slender.angle.tobytes()
     angles, medians = np.array([0.02, 0.04, 0.08]), []
     for angle in angles:
-        found = simulate(scene.varied(block=Block(0.8, critical_angle=float(angle))), **common)
-        medians.append(np.nanmedian(np.abs(found.angle - slender.angle)[:, 1]))
+        ensemble = simulate(scene.varied(block=Block(0.8, critical_angle=float(angle))), **common)
+        medians.append(np.nanmedian(np.abs(ensemble.angle - slender.angle)[:, 1]))
     assert np.polyfit(np.log(angles), np.log(medians), 1)[0] == pytest.approx(2.0, abs=0.15)
 
 
 def test_mirrored_scenes_have_mirrored_paths():
     scene = BAND.varied(noise=NoNoise(), start=Start(0.2, 0.3))
     mirrored = scene.varied(forcing=Harmonic(3.0, 2.7, 2.0 * math.pi), start=Start(-0.2, -0.3))
-    found = [simulate(one, cycles=3, realizations=1, method="rk4") for one in (scene, mirrored)]
-    assert found[0].angle == pytest.approx(-found[1].angle, abs=1e-9)
+    paths = [simulate(side, cycles=3, realizations=1, method="rk4") for side in (scene, mirrored)]
+    assert paths[0].angle == pytest.approx(-paths[1].angle, abs=1e-9)
 
 
 def test_a_block_at_rest_leaves_above_its_own_level():
     """tan(α)/α = 1.0311."""
     for amplitude, leaves in ((1.031, False), (1.032, True)):
         scene = BAND.varied(forcing=Harmonic(amplitude, 2.7, 0.3), noise=NoNoise())
-        found = histories(scene, cycles=1, realizations=1, method="rk4", samples_per_cycle=32)
-        assert (np.abs(found.angle).max() > 0.0) == leaves
+        history = histories(scene, cycles=1, realizations=1, method="rk4", samples_per_cycle=32)
+        assert (np.abs(history.angle).max() > 0.0) == leaves
 
 
 @pytest.mark.parametrize(("amplitude", "overturns"), [(1.4647, 0), (1.4649, 1), (3.6042, 1), (3.6044, 0), (3.7933, 1)])
@@ -144,8 +144,8 @@ def test_pulses_overturn_where_independent_integrations_say(amplitude, overturns
     """One-sine pulse, ω/p = 3 and Housner's restitution; overturned where the angle is π/2 radians, known to 1e-4."""
     block = Block(1.0 - 1.5 * math.sin(ALPHA) ** 2, critical_angle=ALPHA)
     scene = Scene(block, Pulse("one-sine", amplitude, 3.0), NoNoise(), overturning=Overturning(0.5 * math.pi / ALPHA))
-    found = simulate(scene, times=np.array([60.0]), method="rk4", steps_per_cycle=400)
-    assert abs(found.overturn_side[0]) == overturns
+    path = simulate(scene, times=np.array([60.0]), method="rk4", steps_per_cycle=400)
+    assert abs(path.overturn_side[0]) == overturns
 
 
 def test_paths_of_vanishing_noise_are_those_without():
@@ -153,9 +153,9 @@ def test_paths_of_vanishing_noise_are_those_without():
     for forcing, times in ((Harmonic(1.5, 2.7, 0.3), {"cycles": 2}), (Pulse("one-sine", 1.4, 3.0), {})):
         scene = Scene(Block(0.8, critical_angle=ALPHA), forcing, NoNoise(), Start(0.5, 0.0))
         truth = simulate(scene, method="rk4", steps_per_cycle=1000, realizations=1, **times)
-        found = simulate(scene.varied(noise=WhiteNoise(1e-12)), realizations=3, **times)
+        ensemble = simulate(scene.varied(noise=WhiteNoise(1e-12)), realizations=3, **times)
         assert np.isfinite(truth.angle).all()
-        assert np.abs(found.angle - truth.angle).max() < 2e-5
+        assert np.abs(ensemble.angle - truth.angle).max() < 2e-5
 
 
 @pytest.mark.parametrize(("angle", "diffusion"), [(0.5, 0.006), (0.8, 0.001)])
@@ -190,10 +190,10 @@ def test_an_unforced_block_bounces_as_it_must(angle, diffusion):
 def test_survival_is_that_of_an_independent_program():
     """100,000 paths against 20,000 in small steps; false alarm 3 x 6e-5."""
     scene = WHITE.varied(noise=WhiteNoise(0.012))
-    found = simulate(scene, cycles=3, realizations=100_000, seed=4)
+    ensemble = simulate(scene, cycles=3, realizations=100_000, seed=4)
     forcing = scene.forcing.amplitude, scene.forcing.frequency, scene.forcing.phase
     fine, coarse = white_paths.survival((ALPHA, 0.8), CUTOFF, forcing, 0.012, (0.0, 0.0), 3, 20_000, 240, 6)
-    error = np.sqrt(fine * (1.0 - fine) / 20_000 + found.survival[1:] * (1.0 - found.survival[1:]) / 100_000)
+    error = np.sqrt(fine * (1.0 - fine) / 20_000 + ensemble.survival[1:] * (1.0 - ensemble.survival[1:]) / 100_000)
     assert 0.1 < fine[-1] < 0.9
     assert np.abs(coarse - fine).max() < 0.01
-    assert np.abs((found.survival[1:] - fine) / error).max() < 4.0
+    assert np.abs((ensemble.survival[1:] - fine) / error).max() < 4.0

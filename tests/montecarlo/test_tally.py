@@ -34,30 +34,30 @@ def ensemble():
 
 
 @pytest.fixture(scope="module")
-def whole():
+def counted():
     return tally(MAIN, **SIZE)
 
 
-def test_counts_are_those_of_the_ensemble(whole, ensemble):
+def test_counts_are_those_of_the_ensemble(counted, ensemble):
     assert 0.5 < ensemble.survival[6] < 0.9
-    assert (whole.realizations, whole.cycles) == (ensemble.realizations, ensemble.cycles)
-    assert (whole.scene, whole.method, whole.seed, whole.steps_per_cycle) == (MAIN, "white", 1, 200)
+    assert (counted.realizations, counted.cycles) == (ensemble.realizations, ensemble.cycles)
+    assert (counted.scene, counted.method, counted.seed, counted.steps_per_cycle) == (MAIN, "white", 1, 200)
     for name in ("survivors", "survival", "overturned"):
-        assert np.array_equal(getattr(whole, name), getattr(ensemble, name)), name
-    assert np.array_equal(whole.survival_interval(0.9), ensemble.survival_interval(0.9))
-    assert np.array_equal(whole.counts.standing, ensemble.survivors)
+        assert np.array_equal(getattr(counted, name), getattr(ensemble, name)), name
+    assert np.array_equal(counted.survival_interval(0.9), ensemble.survival_interval(0.9))
+    assert np.array_equal(counted.counts.standing, ensemble.survivors)
 
 
-def test_bins_are_those_of_the_ensemble(whole, ensemble):
+def test_bins_are_those_of_the_ensemble(counted, ensemble):
     edges = joint_edges(MAIN)
     halves = [np.linspace(values[0], values[-1], 2 * values.size - 1) for values in edges]
     rough = np.array([-1.6, -0.3, 0.0, 1.6]), np.array([-3.2, 0.1, 3.2])
     part = np.array([-0.5, 0.25, 0.3]), np.array([0.1, 0.2])
     for cycle in range(7):
         for wanted in (edges, halves, rough, part):
-            assert np.array_equal(whole.bin_probabilities(cycle, *wanted), ensemble.bin_probabilities(cycle, *wanted))
-        assert whole.bin_probabilities(cycle, *edges).sum() == pytest.approx(whole.survival[cycle], abs=1e-15)
-    assert np.all(whole.outside == 0.0)
+            assert np.array_equal(counted.bin_probabilities(cycle, *wanted), ensemble.bin_probabilities(cycle, *wanted))
+        assert counted.bin_probabilities(cycle, *edges).sum() == pytest.approx(counted.survival[cycle], abs=1e-15)
+    assert np.all(counted.outside == 0.0)
 
 
 def test_own_bins_leave_some_outside(ensemble):
@@ -80,17 +80,17 @@ def test_states_on_edges_are_binned_as_numpy_does():
     assert tally(scene, cycles=1, realizations=3, angle_edges=last).bin_probabilities(1, last, edges[1]).sum() == 1.0
 
 
-def test_moments_are_those_of_the_ensemble(whole, ensemble):
+def test_moments_are_those_of_the_ensemble(counted, ensemble):
     """Within 8 standard deviations of what rounding does: q/√12 to a state, 2 q/√12 times its size to a square."""
-    quantum = whole.counts.quantum
+    quantum = counted.counts.quantum
     assert quantum.tolist() == [2.0**-30, 2.0**-26]
     for cycle in range(1, 7):
         standing = np.isfinite(ensemble.angle[:, cycle])
         points = np.stack([ensemble.angle[standing, cycle], ensemble.velocity[standing, cycle]])
         rounding = 8.0 * quantum / math.sqrt(12.0 * points.shape[1])
-        assert np.all(np.abs(whole.mean[cycle] - points.mean(axis=1)) < rounding)
-        assert np.abs(whole.covariance[cycle] - np.cov(points, bias=True)).max() < 2.0 * points.std() * rounding.max()
-    assert np.all(whole.mean[0] == 0.0)
+        assert np.all(np.abs(counted.mean[cycle] - points.mean(axis=1)) < rounding)
+        assert np.abs(counted.covariance[cycle] - np.cov(points, bias=True)).max() < 2.0 * points.std() * rounding.max()
+    assert np.all(counted.mean[0] == 0.0)
 
 
 def test_threads_lose_no_state():
@@ -106,21 +106,21 @@ def test_threads_lose_no_state():
 def test_moments_of_a_point_and_of_nothing():
     """No spread at the start, to the last bit; nan where none stands."""
     scene = dataclasses.replace(MAIN, start=Start(-1.2, -1.0))
-    gone = tally(scene, cycles=1, realizations=70)
-    assert gone.mean[0] == pytest.approx([-1.2, -1.0], abs=2e-8)
-    assert np.all(gone.covariance[0] == 0.0)
-    assert gone.survival.tolist() == [1.0, 0.0]
-    assert np.isnan(gone.mean[1]).all()
-    assert np.isnan(gone.covariance[1]).all()
+    overturned = tally(scene, cycles=1, realizations=70)
+    assert overturned.mean[0] == pytest.approx([-1.2, -1.0], abs=2e-8)
+    assert np.all(overturned.covariance[0] == 0.0)
+    assert overturned.survival.tolist() == [1.0, 0.0]
+    assert np.isnan(overturned.mean[1]).all()
+    assert np.isnan(overturned.covariance[1]).all()
 
 
-def test_first_passages_are_those_of_the_ensemble(whole, ensemble):
+def test_first_passages_are_those_of_the_ensemble(counted, ensemble):
     edges = np.arange(6 * 20 + 1) * MAIN.period / 20
     for column, side in enumerate((-1, 1)):
         times = ensemble.overturn_time[ensemble.overturn_side == side]
-        assert np.array_equal(whole.counts.passages[1:, column], np.histogram(times, edges)[0])
-    assert np.array_equal(np.cumsum(whole.counts.passages, axis=0)[::20], np.rint(ensemble.overturned * 3000))
-    assert whole.first_passage.sum() == pytest.approx(1.0 - whole.survival[6])
+        assert np.array_equal(counted.counts.passages[1:, column], np.histogram(times, edges)[0])
+    assert np.array_equal(np.cumsum(counted.counts.passages, axis=0)[::20], np.rint(ensemble.overturned * 3000))
+    assert counted.first_passage.sum() == pytest.approx(1.0 - counted.survival[6])
 
 
 def test_a_start_beyond_the_cut_off_is_counted_first():
@@ -172,9 +172,9 @@ def test_a_wild_state_is_refused_before_anything_is_counted():
         (32, "angle_edges: got"),
     ],
 )
-def test_edges_that_are_not_kept_are_refused(whole, edges, message):
+def test_edges_that_are_not_kept_are_refused(counted, edges, message):
     with pytest.raises(ValueError, match=message):
-        whole.bin_probabilities(1, edges, [-1.0, 1.0])
+        counted.bin_probabilities(1, edges, [-1.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -213,23 +213,23 @@ def test_a_run_that_does_not_fit_tells_what_it_counts(cycle, rows):
         batches.refuse_large(run, cycle)
 
 
-def test_a_tally_compares_as_the_ensemble_does(whole, ensemble):
+def test_a_tally_compares_as_the_ensemble_does(counted, ensemble):
     against = fakes.FakeEvolution(MAIN, cycles=6)
-    compared, truth = compare(whole, against).summary(), compare(ensemble, against).summary()
+    compared, truth = compare(counted, against).summary(), compare(ensemble, against).summary()
     assert compared["names"] == ["Monte Carlo white", "Fokker-Planck density"]
     for values in (compared, truth):
         values.pop("wall_s")
     assert compared == truth
     with pytest.raises(ValueError, match="cycle: got 7, accepted: a whole number from 0 to 6"):
-        whole.bin_probabilities(7, *joint_edges(MAIN))
+        counted.bin_probabilities(7, *joint_edges(MAIN))
 
 
-def test_a_saved_tally_comes_back(whole, tmp_path):
-    whole.save(tmp_path / "tally.npz")
+def test_a_saved_tally_comes_back(counted, tmp_path):
+    counted.save(tmp_path / "tally.npz")
     loaded = Tally.load(tmp_path / "tally.npz")
     assert storage.result_kind(tmp_path / "tally.npz") == "tally"
     assert loaded.scene == MAIN
-    assert content(loaded) == content(whole)
-    assert loaded.wall_s == whole.wall_s
+    assert content(loaded) == content(counted)
+    assert loaded.wall_s == counted.wall_s
     with pytest.raises(ValueError, match="read-only"):
         loaded.counts.standing[0] = 1

@@ -21,19 +21,19 @@ def test_exact_paths_are_those_of_an_independent_integrator(number):
     end = scene.forcing.duration
     times = np.append(end * np.linspace(0.13, 1.0, 7), end + np.array([0.7, 3.0]))
     states, bounds, path = followed(scene, times)
-    found = simulate(scene, times=times, realizations=1)
-    got = np.stack([found.angle[0, 1:], found.velocity[0, 1:]], axis=-1)
+    ensemble = simulate(scene, times=times, realizations=1)
+    got = np.stack([ensemble.angle[0, 1:], ensemble.velocity[0, 1:]], axis=-1)
     assert np.array_equal(np.isnan(got), np.isnan(states))
     off = np.nan_to_num(np.abs(got - states)).max(axis=1)
     assert (off <= 1e-10 + np.minimum(bounds, 1e-9)).all()
-    assert (found.overturn_side[0] != 0) == path.overturned
+    assert (ensemble.overturn_side[0] != 0) == path.overturned
     if path.overturned:
-        assert found.overturn_time[0] == pytest.approx(path.t, abs=1e-10)
+        assert ensemble.overturn_time[0] == pytest.approx(path.t, abs=1e-10)
 
 
 def test_some_of_these_paths_overturn():
-    gone = [simulate(random_scene(number), realizations=1).overturn_side[0] for number in range(28)]
-    assert {-1, 0, 1} <= set(np.sign(gone).tolist())
+    sides = [simulate(random_scene(number), realizations=1).overturn_side[0] for number in range(28)]
+    assert {-1, 0, 1} <= set(np.sign(sides).tolist())
 
 
 @pytest.mark.parametrize(("scene", "coarsest"), [(SHAKEN, 400), (PULSED, 200)], ids=["record", "pulse"])
@@ -43,8 +43,8 @@ def test_rk4_is_of_fourth_order_across_kinks_and_jumps(scene, coarsest):
     exact = simulate(scene, **common)
     errors = []
     for steps in (coarsest, 2 * coarsest, 4 * coarsest):
-        found = simulate(scene, method="rk4", steps_per_cycle=steps, **common)
-        errors.append(np.nanmedian(np.abs(found.angle - exact.angle)[:, 1:]))
+        ensemble = simulate(scene, method="rk4", steps_per_cycle=steps, **common)
+        errors.append(np.nanmedian(np.abs(ensemble.angle - exact.angle)[:, 1:]))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert errors[0] > 1e-12
     assert orders == pytest.approx(4.0, abs=0.6)
@@ -61,18 +61,18 @@ def test_a_realization_does_not_depend_on_the_times(scene, noise, method):
     few, common = [0.31 * end, end + 1.0], {"realizations": 30, "method": method}
     times = np.union1d(np.linspace(0.0, end + 1.0, 77), few)
     many = simulate(scene, times=times, **common)
-    found = simulate(scene, times=few, **common)
+    sparse = simulate(scene, times=few, **common)
     rows = np.searchsorted(times, few)
-    assert found.angle[:, 1:] == pytest.approx(many.angle[:, rows], abs=1e-9, nan_ok=True)
-    assert found.velocity[:, 1:] == pytest.approx(many.velocity[:, rows], abs=1e-9, nan_ok=True)
-    assert found.overturn_time == pytest.approx(many.overturn_time, abs=1e-9, nan_ok=True)
+    assert sparse.angle[:, 1:] == pytest.approx(many.angle[:, rows], abs=1e-9, nan_ok=True)
+    assert sparse.velocity[:, 1:] == pytest.approx(many.velocity[:, rows], abs=1e-9, nan_ok=True)
+    assert sparse.overturn_time == pytest.approx(many.overturn_time, abs=1e-9, nan_ok=True)
     # Nothing is told of what happens after the last time.
     early = simulate(scene, times=[0.83 * end], **common)
-    gone = many.overturn_time <= 0.83 * end
-    assert np.array_equal(np.isfinite(early.overturn_time), gone)
-    assert np.array_equal(early.overturn_side != 0, gone)
+    before_end = many.overturn_time <= 0.83 * end
+    assert np.array_equal(np.isfinite(early.overturn_time), before_end)
+    assert np.array_equal(early.overturn_side != 0, before_end)
     run = histories(scene, times=few, **common)
-    assert run.angle.tobytes() == found.angle.tobytes()
+    assert run.angle.tobytes() == sparse.angle.tobytes()
 
 
 def test_white_paths_keep_their_law_whatever_the_times():
@@ -108,7 +108,7 @@ def test_a_forcing_that_repeats_is_cut_out_of_a_pulse():
     pulse = Scene(Block(0.7), Pulse("n-sine", 2.5, 2.7, 10), noise)
     harmonic = Scene(Block(0.7), Harmonic(2.5, 2.7, np.pi / 2.0), noise)
     ensemble = simulate(harmonic, cycles=10, realizations=200)
-    found = simulate(pulse, times=ensemble.times, realizations=200)
-    assert found.angle == pytest.approx(ensemble.angle, abs=1e-8, nan_ok=True)
-    assert 0.1 < found.survival[-1] < 0.9
+    cut_out = simulate(pulse, times=ensemble.times, realizations=200)
+    assert cut_out.angle == pytest.approx(ensemble.angle, abs=1e-8, nan_ok=True)
+    assert 0.1 < cut_out.survival[-1] < 0.9
     assert batches.checked_run(pulse, None, 1, 1, None, 200).times[-1] == pytest.approx(pulse.forcing.duration + 10.0)

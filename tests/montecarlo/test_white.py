@@ -58,11 +58,11 @@ def test_survival_is_that_of_an_independent_program(name, scene, reference):
 
 def test_binned_density_is_that_of_an_independent_program(reference):
     """L1 of the bins within 4 standard deviations of what sampling explains; false alarm 3 x 3e-5."""
-    known = reference("main_white")
+    independent = reference("main_white")
     ensemble = simulate(scene_of(), cycles=4, realizations=40_000, seed=5)
-    for k, truth in zip(known["cycles"], known["probabilities"], strict=True):
+    for k, truth in zip(independent["cycles"], independent["probabilities"], strict=True):
         if k <= 4:
-            bins = ensemble.bin_probabilities(int(k), known["angle_edges"], known["velocity_edges"])
+            bins = ensemble.bin_probabilities(int(k), independent["angle_edges"], independent["velocity_edges"])
             variance = truth * (1.0 - truth) * (1.0 / 40_000 + 1e-7)
             limit = np.sqrt(2.0 / math.pi * variance).sum() + 4.0 * math.sqrt((1.0 - 2.0 / math.pi) * variance.sum())
             assert np.abs(bins - truth).sum() < limit

@@ -37,8 +37,8 @@ class _Judge:
         self.by, self.tests, self.patience = "", {name: seconds for _, name, seconds in tests}, patience
 
     def pytest_collection_modifyitems(self, items):
-        found = {item.nodeid: item for item in items}
-        items[:] = [found[name] for name in self.tests if name in found]
+        collected = {item.nodeid: item for item in items}
+        items[:] = [collected[name] for name in self.tests if name in collected]
 
     def pytest_runtest_logstart(self, nodeid):
         patience = self.patience + PATIENCE[1] * self.tests[nodeid]
@@ -54,9 +54,9 @@ class _Judge:
 def noticed(mutant, compiled, tests):
     """Return the first of some tests that fails with a mutant; "" where none fails."""
     judge = _Judge(tests, PATIENCE[0] + COMPILING * compiled)
-    given = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
-    os.environ["FPK_ROCKING_MUTANT"] = json.dumps(given)
-    sitecustomize.put(**given)
+    mistake = {"file": str(TREE / mutant.file), "source": mutant.source, "compiled": compiled}
+    os.environ["FPK_ROCKING_MUTANT"] = json.dumps(mistake)
+    sitecustomize.put(**mistake)
     from fpk_rocking.base import precompilation
 
     precompilation._helpers.append(None)  # no processes that compile ahead what no test here may need
@@ -73,18 +73,20 @@ def main():
     parser.add_argument("--only", type=int, nargs="*", help="numbers of the mutants to try; all by default")
     options = parser.parse_args()
     prepare()
-    known, kernels = covering.found(options.jobs)
+    tests_of, kernels = covering.measured(options.jobs)
     files = sorted(file for package in PACKAGES for file in (TREE / package).rglob("*.py"))
     texts = {file.relative_to(TREE).as_posix(): file.read_text(encoding="utf-8") for file in files}
     mutants = list(itertools.islice(drawing.drawn(random.Random(options.seed), texts), options.count))
 
     def tried(number):
         mutant = mutants[number]
-        tests = covering.tests_for(mutant, known, kernels, options.budget)
+        tests = covering.tests_for(mutant, tests_of, kernels, options.budget)
         return noticed(mutant, covering.compiled(mutant, kernels), tests)
 
     def survives(mutant):
-        run, known_ones = (len(covering.tests_for(mutant, known, kernels, one)) for one in (options.budget, math.inf))
+        run, known_ones = (
+            len(covering.tests_for(mutant, tests_of, kernels, budget)) for budget in (options.budget, math.inf)
+        )
         return f"SURVIVES {run} of {known_ones} tests"
 
     todo, score, begin = options.only or range(options.count), 0, time.monotonic()

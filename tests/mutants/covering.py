@@ -21,20 +21,22 @@ _LOADING, _LONGEST = 0.5, 120
 """Seconds that a test file takes to be loaded, about, and those after which a test is given up: no budget allows it."""
 
 
-def found(jobs):
+def measured(jobs):
     """Return, by test file, its tests with their seconds and the functions they run, and the names of all kernels.
 
     Only test files that have changed since the last time are run.
     """
     (PLACE / "map").mkdir(parents=True, exist_ok=True)
     files = sorted(TREE.glob("tests/*/test_*.py"))
-    places = {str(one.relative_to(TREE)): PLACE / "map" / hashlib.sha256(one.read_bytes()).hexdigest() for one in files}
-    for file, one in forked(_watched, [file for file, place in places.items() if not place.exists()], jobs):
-        print(f"{file}: {len(one['tests']) if one else 'does not end'}", flush=True)
-        places[file].write_text(json.dumps(one or {"tests": {}, "kernels": []}), encoding="utf-8")
-    known = {file: json.loads(place.read_text(encoding="utf-8")) for file, place in places.items()}
-    kernels = {name for one in known.values() for name in one["kernels"]}
-    return {file: one["tests"] for file, one in known.items()}, kernels
+    places = {
+        str(path.relative_to(TREE)): PLACE / "map" / hashlib.sha256(path.read_bytes()).hexdigest() for path in files
+    }
+    for file, entry in forked(_watched, [file for file, place in places.items() if not place.exists()], jobs):
+        print(f"{file}: {len(entry['tests']) if entry else 'does not end'}", flush=True)
+        places[file].write_text(json.dumps(entry or {"tests": {}, "kernels": []}), encoding="utf-8")
+    coverage = {file: json.loads(place.read_text(encoding="utf-8")) for file, place in places.items()}
+    kernels = {name for entry in coverage.values() for name in entry["kernels"]}
+    return {file: entry["tests"] for file, entry in coverage.items()}, kernels
 
 
 class _Watch:
@@ -51,7 +53,7 @@ class _Watch:
             result = yield
         signal.alarm(0)
         seconds = time.monotonic() - begin - (compiling.duration if compiling.done else 0.0)
-        codes = {one.code for one in profile.getstats() if isinstance(one.code, types.CodeType)}
+        codes = {entry.code for entry in profile.getstats() if isinstance(entry.code, types.CodeType)}
         self.tests[item.nodeid] = seconds, {code for code in codes if _name(code)}
         return result
 
@@ -68,12 +70,16 @@ def _called(code, scope, kernels, compiled):
     """Kernels that a code names: of its own module, of one that it names, of either block, or, in Python, of any."""
     for name in code.co_names:
         value = scope.get(name)
-        found = [value] if name in scope else kernels.get(name, ())
+        candidates = [value] if name in scope else kernels.get(name, ())
         if isinstance(value, types.ModuleType):
-            found = map(vars(value).get, code.co_names)
+            candidates = map(vars(value).get, code.co_names)
         elif isinstance(value, types.FunctionType):
-            found = [cell.cell_contents for cell in value.__closure__ or ()]
-        yield from (one for one in found if _is_kernel(one) and (compiled or getattr(one, "for_python", one).overloads))
+            candidates = [cell.cell_contents for cell in value.__closure__ or ()]
+        yield from (
+            candidate
+            for candidate in candidates
+            if _is_kernel(candidate) and (compiled or getattr(candidate, "for_python", candidate).overloads)
+        )
 
 
 def _is_kernel(value):
@@ -89,8 +95,8 @@ def _watched(file):
     watch = _Watch()
     signal.signal(signal.SIGALRM, _give_up)
     run([file], watch)
-    modules = [one for name, one in list(sys.modules.items()) if name.startswith(PACKAGES) and one.__file__]
-    scopes, kernels = {one.__file__: vars(one) for one in modules}, {}
+    modules = [module for name, module in list(sys.modules.items()) if name.startswith(PACKAGES) and module.__file__]
+    scopes, kernels = {module.__file__: vars(module) for module in modules}, {}
     for scope in scopes.values():
         for name, value in scope.items():
             if _is_kernel(value):
@@ -103,15 +109,19 @@ def _watched(file):
             if (code, id(scope), by_kernel) in names or code.co_name == "<module>":
                 continue
             names.add((code, id(scope), by_kernel))
-            todo += [(one, scope, by_kernel) for one in code.co_consts if isinstance(one, types.CodeType)]
-            more = [one.py_func for one in _called(code, scope, kernels, by_kernel)]
-            todo += [(one.__code__, one.__globals__, True) for one in more]
+            todo += [
+                (constant, scope, by_kernel) for constant in code.co_consts if isinstance(constant, types.CodeType)
+            ]
+            more = [called.py_func for called in _called(code, scope, kernels, by_kernel)]
+            todo += [(called.__code__, called.__globals__, True) for called in more]
         return sorted({_name(code) for code, *_ in names})
 
-    passed = {name: one for name, one in watch.tests.items() if name not in watch.failed}
+    passed = {name: functions for name, functions in watch.tests.items() if name not in watch.failed}
     return {
         "tests": {name: {"seconds": seconds, "runs": reached(codes)} for name, (seconds, codes) in passed.items()},
-        "kernels": reached({one.py_func.__code__ for same in kernels.values() for one in same}, compiled=True),
+        "kernels": reached(
+            {function.py_func.__code__ for same in kernels.values() for function in same}, compiled=True
+        ),
     }
 
 
@@ -123,13 +133,17 @@ def _name(code):
 
 def compiled(mutant, kernels):
     """Whether machine code depends on a mutant: on a kernel, a value made as a module is loaded, or a compiler."""
-    outside = [one for one in ast.parse(mutant.source).body if not isinstance(one, ast.FunctionDef | ast.ClassDef)]
-    names = {node.id for one in outside for node in ast.walk(one) if isinstance(node, ast.Name)}
+    outside = [
+        statement
+        for statement in ast.parse(mutant.source).body
+        if not isinstance(statement, ast.FunctionDef | ast.ClassDef)
+    ]
+    names = {node.id for statement in outside for node in ast.walk(statement) if isinstance(node, ast.Name)}
     within = mutant.function.partition(".")[0]
     return f"{mutant.file}:{mutant.function}" in kernels or within in {"", *names} or "numba.extending" in mutant.source
 
 
-def tests_for(mutant, known, kernels, budget):
+def tests_for(mutant, coverage, kernels, budget):
     """Return (file, name, seconds) of tests that may notice a mutant, as many as a budget of seconds allows.
 
     These are the tests that run its function, and then all others of the files that are named after its file or import
@@ -139,7 +153,7 @@ def tests_for(mutant, known, kernels, budget):
     *folders, leaf = mutant.file.removesuffix(".py").split("/")
     wanted, package, ranked = f"{mutant.file}:{mutant.function}", re.escape(".".join(folders)), []
     imported = re.compile(rf"{package}(\.| import .*\b){leaf}\b")
-    for file, tests in known.items():
+    for file, tests in coverage.items():
         near = 2 * (leaf in file) + 2 * bool(imported.search((TREE / file).read_text(encoding="utf-8")))
         near += len(set(folders) & set(file.split("/")))
         for name, test in tests.items():

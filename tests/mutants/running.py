@@ -23,10 +23,10 @@ def prepare():
     """Copy the tree, so that it may be worked on meanwhile, and load what all tests need."""
     shutil.rmtree(TREE, ignore_errors=True)
     TREE.mkdir(parents=True)
-    for one in ROOT.iterdir():
-        if one.name[0] != "." and one.name not in {"build", "dist", "results"}:
+    for entry in ROOT.iterdir():
+        if entry.name[0] != "." and entry.name not in {"build", "dist", "results"}:
             # Times of files are kept, for numba's cache goes by them.
-            (shutil.copytree if one.is_dir() else shutil.copy2)(one, TREE / one.name)
+            (shutil.copytree if entry.is_dir() else shutil.copy2)(entry, TREE / entry.name)
     os.chdir(TREE)
     sys.path.insert(0, str(TREE))
     os.environ |= {"PYTHONPATH": f"{TREE}{os.pathsep}{pathlib.Path(__file__).parent}", "MPLBACKEND": "agg"}
@@ -44,23 +44,23 @@ def forked(work, todo, jobs):
     running, todo = {}, list(todo)
     while running or todo:
         while todo and len(running) < jobs:
-            one, out = todo.pop(0), tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
+            task, out = todo.pop(0), tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115
             pid = os.fork()
             if not pid:
                 os.setsid()
                 with contextlib.suppress(BaseException):
-                    json.dump(work(one), out)
+                    json.dump(work(task), out)
                     out.flush()
                 os._exit(0)
-            running[pid] = one, out
+            running[pid] = task, out
         pid, _ = os.wait()
         with contextlib.suppress(ProcessLookupError):
             os.killpg(pid, signal.SIGKILL)  # what a test has started
-        one, out = running.pop(pid)
+        task, out = running.pop(pid)
         with out:
             out.seek(0)
             text = out.read()
-        yield one, json.loads(text) if text else None
+        yield task, json.loads(text) if text else None
 
 
 def run(files, plugin, *options):

@@ -8,7 +8,7 @@ def soil(frequency, damping, low_frequency, low_damping):
     """Drift, input and output of the Clough-Penzien filter: displacements and velocities of soil and second filter."""
     soil = [-(frequency**2), -2.0 * damping * frequency]
     second = [-(low_frequency**2), -2.0 * low_damping * low_frequency]
-    ground = [-one for one in soil]
+    ground = [-value for value in soil]
     drift = np.array([[0.0, 1.0, 0.0, 0.0], [*soil, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0], [*ground, *second]])
     return drift, np.array([0.0, 1.0, 0.0, 0.0]), drift[3]
 

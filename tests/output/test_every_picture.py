@@ -8,6 +8,7 @@ import motion
 import numpy as np
 import pytest
 from made_results import SAMPLES, WITH_ROWS, equal, kind
+from matplotlib.figure import Figure
 
 from fpk_rocking.output import curves, densities, vtk
 from fpk_rocking.results import style
@@ -21,7 +22,7 @@ def band(collection):
     vertices = collection.get_paths()[0].vertices
     places = np.unique(vertices[:, 0])
     heights = [vertices[vertices[:, 0] == place, 1] for place in places]
-    return places, np.array([one.min() for one in heights]), np.array([one.max() for one in heights])
+    return places, np.array([height.min() for height in heights]), np.array([height.max() for height in heights])
 
 
 def bars(container):
@@ -42,8 +43,8 @@ def test_pictures_of_survival_and_bins(name):
         low, high = columns["survival_low"], columns["survival_high"]
     (line,), (filled,) = axes.lines, axes.collections
     equal(line.get_xydata(), np.stack([x, columns["survival"]], axis=1))
-    for found, wanted in zip(band(filled), (x, low, high), strict=True):
-        equal(found, wanted)
+    for drawn, wanted in zip(band(filled), (x, low, high), strict=True):
+        equal(drawn, wanted)
     (mesh,) = plane.collections
     coordinates = mesh.get_coordinates()
     edges = coordinates[0, :, 0], coordinates[:, 0, 1]
@@ -61,8 +62,8 @@ def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypat
     for axes in (survival, tail):
         equal(axes.lines[0].get_ydata(), density.columns["survival"])
         equal(axes.containers[0][0].get_ydata(), sample.columns["survival"])
-        for found, wanted in zip(bars(axes.containers[0]), ("survival_low", "survival_high"), strict=True):
-            equal(found, sample.columns[wanted])
+        for ends, wanted in zip(bars(axes.containers[0]), ("survival_low", "survival_high"), strict=True):
+            equal(ends, sample.columns[wanted])
     for place, columns in enumerate((density.columns, sample.columns)):
         above, below = (leakage.lines[2 * place + k] for k in (0, 1))
         equal(above.get_ydata(), np.diff(columns["overturned_right"]))
@@ -72,7 +73,7 @@ def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypat
     equal(bars(difference.containers[0])[1], wanted["difference"] + 1.96 * wanted["standard_error"])
     densities.density_maps(tmp_path / "maps.png", [density.result, sample.result], [2, 140], "Maps")
     for axes, (columns, row) in zip(
-        figures[1].axes, ((one.columns, row) for one in (density, sample) for row in (2, 140)), strict=False
+        figures[1].axes, ((result.columns, row) for result in (density, sample) for row in (2, 140)), strict=False
     ):
         left, right = columns["overturned_left"][row], columns["overturned_right"][row]
         assert axes.get_title().endswith(f"overturned {left:.3f} left, {right:.3f} right")
@@ -90,11 +91,11 @@ def test_pictures_of_a_comparison():
         )
     ):
         equal(survival.lines[which].get_ydata(), columns[name])
-        for found, wanted in zip(band(survival.collections[which])[1:], (low, high), strict=True):
-            equal(found, wanted)
+        for drawn, wanted in zip(band(survival.collections[which])[1:], (low, high), strict=True):
+            equal(drawn, wanted)
     equal(difference.containers[0][0].get_ydata(), columns["difference"])
-    for found, sign in zip(bars(difference.containers[0]), (-1.0, 1.0), strict=True):
-        equal(found, columns["difference"] + sign * 1.96 * columns["standard_error"])
+    for ends, sign in zip(bars(difference.containers[0]), (-1.0, 1.0), strict=True):
+        equal(ends, columns["difference"] + sign * 1.96 * columns["standard_error"])
 
 
 def test_pictures_of_splitting_and_histories():
@@ -102,12 +103,12 @@ def test_pictures_of_splitting_and_histories():
     (axes,) = result.plot().axes
     equal(axes.containers[0][0].get_xdata(), columns["cycle"][1:])
     equal(axes.containers[0][0].get_ydata(), columns["probability"][1:])
-    for found, sign in zip(bars(axes.containers[0]), (-2.0, 2.0), strict=True):
-        equal(found, (columns["probability"] + sign * columns["standard_error"])[1:])
+    for ends, sign in zip(bars(axes.containers[0]), (-2.0, 2.0), strict=True):
+        equal(ends, (columns["probability"] + sign * columns["standard_error"])[1:])
     result, _, variables, places = kind("histories")
     angles, plane = result.plot(4).axes
     for number in range(4):
-        states = [variables[one][1][number] for one in ("angle", "velocity")]
+        states = [variables[variable][1][number] for variable in ("angle", "velocity")]
         equal(angles.lines[number].get_xydata(), np.stack([places["time"], states[0]], axis=1))
         equal(plane.lines[number].get_xydata(), np.stack(states, axis=1))
 
@@ -115,15 +116,15 @@ def test_pictures_of_splitting_and_histories():
 @pytest.mark.parametrize("name", ["fragility", "fragility by density"])
 def test_pictures_of_curves(name):
     result, _, variables, places = kind(name)
-    arrays = {one: values for one, (_, values) in variables.items()}
+    arrays = {variable: values for variable, (_, values) in variables.items()}
     for m, axes in enumerate(result.plot().axes):
         assert len(axes.containers) == 3
         for which, container in enumerate(axes.containers):
-            known = np.isfinite(arrays["probability"][m, which])
-            equal(container[0].get_xdata(), places["scale"][known])
-            equal(container[0].get_ydata(), arrays["probability"][m, which, known])
-            for found, end in zip(bars(container), ("low", "high"), strict=True):
-                equal(found, arrays[end][m, which, known])
+            computed = np.isfinite(arrays["probability"][m, which])
+            equal(container[0].get_xdata(), places["scale"][computed])
+            equal(container[0].get_ydata(), arrays["probability"][m, which, computed])
+            for ends, end in zip(bars(container), ("low", "high"), strict=True):
+                equal(ends, arrays[end][m, which, computed])
             assert result.names[which] in container.get_label()
             fit = result.fits[m][which]
             lines = [line for line in axes.lines if line.get_label().startswith("lognormal fit")]
@@ -141,7 +142,8 @@ def test_pictures_of_surfaces_and_sweeps(monkeypatch):
     assert axes.get_xlim() == pytest.approx((places["scale"][0], places["scale"][-1]))
     assert axes.get_ylim() == pytest.approx((places["size"][0], places["size"][-1]))
     monkeypatch.setattr(
-        "fpk_rocking.studies.picture.draw_map", lambda _, *given: seen.update(zip("xyz", given, strict=True))
+        "fpk_rocking.studies.picture.draw_map",
+        lambda _, *axes_values: seen.update(zip("xyz", axes_values, strict=True)),
     )
     draw_surface(axes, result, 1)
     equal(seen["x"], places["scale"])
@@ -165,7 +167,7 @@ def test_pictures_and_files_of_functions_of_the_plane(tmp_path):
     for axes, function in ((density, result.quasi_stationary), (plane.plot().axes[0], plane)):
         (mesh,) = axes.collections
         x, y = np.moveaxis(mesh.get_coordinates(), -1, 0)
-        middle = [0.25 * (one[1:, 1:] + one[1:, :-1] + one[:-1, 1:] + one[:-1, :-1]) for one in (x, y)]
+        middle = [0.25 * (corner[1:, 1:] + corner[1:, :-1] + corner[:-1, 1:] + corner[:-1, :-1]) for corner in (x, y)]
         equal(mesh.get_array(), function(*middle))
     vtk.write_function(tmp_path / "map.vtu", plane, "survival")
     mesh = meshio.read(tmp_path / "map.vtu")
@@ -180,9 +182,9 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
     """Histories with impacts and overturning, points of the last cycle, their mean, and two histograms."""
     figures = []
     monkeypatch.setattr(style, "save", lambda figure, path: figures.append(figure) or path)
-    result, _, told, _ = kind("histories")
+    result, _, variables, _ = kind("histories")
     paths, states = result.realizations, kind("ensemble").variables
-    few = {name: values for name, (_, values) in told.items()}
+    few = {name: values for name, (_, values) in variables.items()}
     rng, edges = np.random.default_rng(13), np.array([0.0, 1.0, 3.0, 4.0])
     means = MeanMap(rng.normal(size=(5, 2)), rng.uniform(size=(5, 2)), np.full(5, 9), None)
     bins = [Histogram(edges, np.zeros(3), *_with_limits(rng.uniform(1.0, 2.0, 3))) for _ in range(2)]
@@ -199,6 +201,11 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
         if side:
             cut = result.scene.overturning.angle
             equal(curves["x"].get_xydata(), [[few["overturn_time"][number], side * cut]])
+    alone = Figure().subplots()
+    motion.history_panel(alone, result, 0, impacts=False)
+    cut = result.scene.overturning.angle
+    assert (alone.get_xlim(), alone.get_ylim()) == ((0.0, result.time[-1]), (-1.15 * cut, 1.15 * cut))
+    assert "o" not in {line.get_marker() for line in alone.lines}
     (points,) = (axes for title, axes in panels.items() if title.startswith("(b) Poincaré points"))
     equal(points.lines[0].get_xydata(), np.stack([states[name][1][:, -1] for name in ("angle", "velocity")], axis=1))
     standing = np.isfinite(states["angle"][1][:, -1]).sum()

@@ -36,9 +36,9 @@ def test_no_kind_is_missing():
         for module in pkgutil.walk_packages(package.__path__, package.__name__ + "."):
             importlib.import_module(module.name)
     names = tuple(package.__name__ for package in packages)
-    known = {one for one in below(Result) if one.__module__.startswith(names)}
-    abstract = {one for one in known if any(other in known for other in one.__subclasses__())}
-    assert known - abstract == {type(kind(name).result) for name in KINDS}
+    classes = {cls for cls in below(Result) if cls.__module__.startswith(names)}
+    abstract = {cls for cls in classes if any(other in classes for other in cls.__subclasses__())}
+    assert classes - abstract == {type(kind(name).result) for name in KINDS}
 
 
 @pytest.mark.parametrize("name", [name for name in KINDS if name != "operator"])
@@ -46,19 +46,19 @@ def test_the_made_rows_tell_mistakes_apart(name):
     """More rows than a film has frames; left is not right, and no row is like the one before it."""
     columns = kind(name).columns
     assert len(next(iter(columns.values()))) > report._FRAMES
-    for one, other in (("overturned_left", "overturned_right"), ("survival_low", "survival_high")):
-        if one in columns:
-            pair = np.array([columns[one], columns[other]])
+    for first, second in (("overturned_left", "overturned_right"), ("survival_low", "survival_high")):
+        if first in columns:
+            pair = np.array([columns[first], columns[second]])
             assert np.mean(pair[0] != pair[1]) > 0.95
             assert np.mean(np.abs(np.diff(pair)).max(axis=0) > 0.0) > 0.5
 
 
 @pytest.mark.parametrize("name", KINDS)
 def test_columns_are_the_arrays(name):
-    found, wanted = kind(name).result.table(), kind(name).columns
-    assert list(found) == list(wanted)
+    table, wanted = kind(name).result.table(), kind(name).columns
+    assert list(table) == list(wanted)
     for column, values in wanted.items():
-        equal(found[column], values, column)
+        equal(table[column], values, column)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -66,18 +66,18 @@ def test_datasets_and_data_frames_are_the_arrays(name):
     result, columns, variables, places = kind(name)
     arrays, coordinates, _ = result.dataset()
     assert (arrays.keys(), coordinates.keys()) == (variables.keys(), places.keys())
-    for one, (dims, values) in variables.items():
-        found, array = arrays[one]
-        assert ((found,) if isinstance(found, str) else tuple(found)) == dims, one
-        equal(array() if callable(array) else array, values, one)
-    for one, values in places.items():
-        found = coordinates[one]
-        equal(found[1] if isinstance(found, tuple) else found, values, one)
+    for variable, (dims, values) in variables.items():
+        dimensions, array = arrays[variable]
+        assert ((dimensions,) if isinstance(dimensions, str) else tuple(dimensions)) == dims, variable
+        equal(array() if callable(array) else array, values, variable)
+    for place, values in places.items():
+        coordinate = coordinates[place]
+        equal(coordinate[1] if isinstance(coordinate, tuple) else coordinate, values, place)
     pytest.importorskip("xarray")
     data = result.to_xarray()
     assert data.attrs["trust"] == result.trust.verdict
-    for one, (_, values) in variables.items():
-        equal(data[one].values, values, one)
+    for variable, (_, values) in variables.items():
+        equal(data[variable].values, values, variable)
     if "side" in places and "overturned" in variables:
         equal(data.overturned.sel(side="left").values, columns["overturned_left"])
     frame = result.to_dataframe()
@@ -88,10 +88,10 @@ def test_datasets_and_data_frames_are_the_arrays(name):
 
 def printed(table):
     """Texts of a table by their header; of two equal headers as a list of columns."""
-    found = {}
+    texts_of = {}
     for column in table.columns:
-        found.setdefault(column.header, []).append([str(cell) for cell in column.cells])
-    return {name: texts[0] if len(texts) == 1 else texts for name, texts in found.items()}
+        texts_of.setdefault(column.header, []).append([str(cell) for cell in column.cells])
+    return {name: texts[0] if len(texts) == 1 else texts for name, texts in texts_of.items()}
 
 
 def limits(low, high, digits):
@@ -118,8 +118,8 @@ def test_every_printed_row_of_comparisons():
     other = made_results.ensemble(seed=6)
     samples[1] = compare(other.result, reference.result, made_results.JOINT)
     first = kind("ensemble").columns
-    found = printed(tables.comparison_table([kind("comparison").result, samples[1]])[1])
-    assert found["cycles"] == [text for cycle in made_results.JOINT for text in (str(cycle), "", "")]
+    shown = printed(tables.comparison_table([kind("comparison").result, samples[1]])[1])
+    assert shown["cycles"] == [text for cycle in made_results.JOINT for text in (str(cycle), "", "")]
     survival, bounds, scores, distances = [], [], [], []
     for place, cycle in enumerate(made_results.JOINT):
         survival.append(f"{reference.columns['survival'][cycle]:.4f}")
@@ -131,36 +131,36 @@ def test_every_printed_row_of_comparisons():
             bounds += limits(columns["survival_low"][[cycle]], columns["survival_high"][[cycle]], 4)
             scores.append(f"{compared.z[cycle]:+.1f}")
             texts = (
-                f"{getattr(compared, one)[place]:.4f} ({getattr(compared, one + '_floor')[place]:.4f})"
-                for one in ("l1", "hellinger")
+                f"{getattr(compared, distance)[place]:.4f} ({getattr(compared, distance + '_floor')[place]:.4f})"
+                for distance in ("l1", "hellinger")
             )
             distances.append(tuple(texts))
-    assert (found["survival"], found["95 % interval"], found["z"]) == (survival, bounds, scores)
-    assert list(zip(found["L1 (floor)"], found["Hellinger (floor)"], strict=True)) == distances
-    assert found["result"] == ["Fokker-Planck density", "Monte Carlo rk4", "Monte Carlo rk4"] * len(made_results.JOINT)
+    assert (shown["survival"], shown["95 % interval"], shown["z"]) == (survival, bounds, scores)
+    assert list(zip(shown["L1 (floor)"], shown["Hellinger (floor)"], strict=True)) == distances
+    assert shown["result"] == ["Fokker-Planck density", "Monte Carlo rk4", "Monte Carlo rk4"] * len(made_results.JOINT)
 
 
 @pytest.mark.parametrize("name", CURVES)
 def test_every_printed_row_of_curves(name):
     result, columns, _, _ = kind(name)
-    found = printed(fragility_table(result)[1])
+    shown = printed(fragility_table(result)[1])
     first = columns["event"] == "overturned"
     places = columns[result.axis][first]
     if result.axis == "scene":
-        assert found.pop("motion") == places.tolist()
+        assert shown.pop("motion") == places.tolist()
     else:
-        assert found.pop(result.axis) == [f"{value:g}" for value in places]
-    assert found.pop("scale") == [f"{value:.4g}" for value in columns["scale"][first]]
+        assert shown.pop(result.axis) == [f"{value:g}" for value in places]
+    assert shown.pop("scale") == [f"{value:.4g}" for value in columns["scale"][first]]
     for head, column in (("PGA, g", "pga_g"), ("PGV, m/s", "pgv_m_per_s")):
-        assert found.pop(head) == [f"{value:.3f}" for value in columns[column][first]]
-    bounds = found.pop("95 %" if result.realizations else "± estimate")
-    assert list(found) == ["overturned", "|Θ| ≥ 0.5", "|Θ| ≥ 1.1"]
-    for which, texts in enumerate(found.values()):
-        low, high, values = (columns[one][which::3] for one in ("low", "high", "probability"))
-        known = np.isfinite(values)
-        assert texts == [f"{value:.4f}" if there else "-" for value, there in zip(values, known, strict=True)]
-        told = limits(low, high, 4)
-        assert bounds[which] == [text if there else "-" for text, there in zip(told, known, strict=True)]
+        assert shown.pop(head) == [f"{value:.3f}" for value in columns[column][first]]
+    bounds = shown.pop("95 %" if result.realizations else "± estimate")
+    assert list(shown) == ["overturned", "|Θ| ≥ 0.5", "|Θ| ≥ 1.1"]
+    for which, texts in enumerate(shown.values()):
+        low, high, values = (columns[column][which::3] for column in ("low", "high", "probability"))
+        computed = np.isfinite(values)
+        assert texts == [f"{value:.4f}" if there else "-" for value, there in zip(values, computed, strict=True)]
+        intervals = limits(low, high, 4)
+        assert bounds[which] == [text if there else "-" for text, there in zip(intervals, computed, strict=True)]
 
 
 @pytest.mark.parametrize("name", [*CURVES, "sweep", "list"])
@@ -184,26 +184,35 @@ def test_every_row_of_a_csv_file(name, tmp_path):
 TABLE = re.compile(r"<table>(.*?)</table>", re.DOTALL)
 
 
-def written(result, tmp_path, films=()):
-    """Header and rows of a report's table, and its film."""
-    report.write_report(tmp_path / "report.html", result, {}, films=films)
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    rows = re.findall("<tr>(.*?)</tr>", TABLE.search(text)[1])
-    head, *body = (re.findall("<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows)
-    film = re.search(r"id='film'>(.*?)</script>", text)
-    return head, body, json.loads(film[1]) if film else None
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """Header and rows of a report's table, and its film, as a function of the result; its picture is left out."""
+    monkeypatch.setattr(report, "picture_html", lambda *_: "")
+
+    def read(result, films=()):
+        monkeypatch.setattr(type(result), "plot", lambda _: None)
+        report.write_report(tmp_path / "report.html", result, {}, films=films)
+        text = (tmp_path / "report.html").read_text(encoding="utf-8")
+        rows = re.findall("<tr>(.*?)</tr>", TABLE.search(text)[1])
+        head, *body = (re.findall("<t[hd][^>]*>(.*?)</t[hd]>", row) for row in rows)
+        film = re.search(r"id='film'>(.*?)</script>", text)
+        return head, body, json.loads(film[1]) if film else None
+
+    return read
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_every_row_of_a_report(name, tmp_path):
+def test_every_row_of_a_report(name, written):
     result, columns, _, _ = kind(name)
-    head, rows, _ = written(result, tmp_path)
-    known = {one: values for one, values in columns.items() if values.dtype.kind != "f" or not np.isnan(values).all()}
+    head, rows, _ = written(result)
+    filled = {
+        column: values for column, values in columns.items() if values.dtype.kind != "f" or not np.isnan(values).all()
+    }
     units = {"time": "time τ", "wall_s": "wall, s", "level_deg": "level, degrees", "pga_g": "pga, g"}
     units |= {"pgv_m_per_s": "pgv, m/s", "overturn_s": "overturn, s", "PGV_m_per_s": "PGV, m/s"}
-    assert head == [units.get(one, one.replace("_", " ")) for one in known]
+    assert head == [units.get(column, column.replace("_", " ")) for column in filled]
     assert len(rows) == len(next(iter(columns.values())))
-    for texts, values in zip(zip(*rows, strict=True), known.values(), strict=True):
+    for texts, values in zip(zip(*rows, strict=True), filled.values(), strict=True):
         if values.dtype.kind == "f":
             assert list(texts) == [f"{value:.6g}" if math.isfinite(value) else "" for value in values]
         else:
@@ -211,10 +220,10 @@ def test_every_row_of_a_report(name, tmp_path):
 
 
 @pytest.mark.parametrize("name", WITH_ROWS)
-def test_every_frame_of_a_report(name, tmp_path):
+def test_every_frame_of_a_report(name, written):
     """121 of 151 rows, each with its own time, survival, sides and bins."""
     result, columns, _, _ = kind(name)
-    film = written(result, tmp_path, [result])[2]
+    film = written(result, [result])[2]
     rows = np.floor(np.linspace(0.0, made_results.CYCLES, report._FRAMES) + 1e-9).astype(int)
     when = [f"after {k} cycle{'s' * (k != 1)}" for k in rows.tolist()]
     if result.scene.period is None:
@@ -246,23 +255,23 @@ def test_a_summary_is_the_arrays(name):
         bounds = np.stack([columns["survival_low"], columns["survival_high"]], axis=1)
         equal(values["interval"], bounds)
         assert values["half_width"] == pytest.approx(0.5 * (bounds[:, 1] - bounds[:, 0]).max())
-    for one in {"truncated", "at_rest"} & columns.keys():
-        equal(values[one], columns[one])
+    for column in {"truncated", "at_rest"} & columns.keys():
+        equal(values[column], columns[column])
 
 
 @pytest.mark.parametrize("name", CURVES)
 def test_a_summary_of_curves_is_the_arrays(name):
     result, _, variables, places = kind(name)
     values = json.loads(json.dumps(result.summary(), allow_nan=False))
-    probability, low, high = (variables[one][1] for one in ("probability", "low", "high"))
+    probability, low, high = (variables[variable][1] for variable in ("probability", "low", "high"))
 
     def plain(array):
         return np.where(np.isnan(array), None, array).tolist()
 
     assert (values["overturned"], values["reached"]) == (plain(probability[:, 0]), plain(probability[:, 1:]))
-    found = np.array(values["interval"], float)
-    equal(found[..., 0], low)
-    equal(found[..., 1], high)
+    interval = np.array(values["interval"], float)
+    equal(interval[..., 0], low)
+    equal(interval[..., 1], high)
     assert (values["place"], values["scale"], values["level"]) == (
         result.place.tolist(),
         list(places["scale"]),
@@ -273,9 +282,13 @@ def test_a_summary_of_curves_is_the_arrays(name):
 def test_a_summary_of_a_comparison_is_the_arrays():
     result, _, variables, places = kind("comparison")
     values = result.summary()
-    for one, (dims, array) in variables.items():
-        wanted = array[made_results.JOINT] if one.startswith(("l1", "hellinger")) else array
-        equal(np.array(values[one.removeprefix("survival_") if "limit" in dims else one], float), wanted, one)
+    for variable, (dims, array) in variables.items():
+        wanted = array[made_results.JOINT] if variable.startswith(("l1", "hellinger")) else array
+        equal(
+            np.array(values[variable.removeprefix("survival_") if "limit" in dims else variable], float),
+            wanted,
+            variable,
+        )
     assert (values["cycles"], values["joint_cycles"]) == (places["cycle"].tolist(), made_results.JOINT)
     assert values["names"] == ["Monte Carlo rk4", "Fokker-Planck density"]
     assert values["realizations"] == [made_results.PATHS, None]
@@ -287,11 +300,11 @@ def test_vtk_files_are_the_arrays(name, tmp_path):
     vtk.write_series(tmp_path, "jpdf", result, [1, 149])
     for row in (1, 149):
         mesh = meshio.read(tmp_path / f"jpdf_{row:04d}.vtu")
-        fields = {one: float(value[0]) for one, value in mesh.field_data.items()}
+        fields = {field: float(value[0]) for field, value in mesh.field_data.items()}
         assert fields["cycle"] == row
         assert fields["tau"] == pytest.approx(columns["time"][row])
-        for one in ("survival", "overturned_left", "overturned_right"):
-            assert fields[one] == pytest.approx(columns[one][row], rel=1e-12)
+        for field in ("survival", "overturned_left", "overturned_right"):
+            assert fields[field] == pytest.approx(columns[field][row], rel=1e-12)
         quads = mesh.cells_dict["quad"]
         left = mesh.points[quads][:, :, 0].mean(axis=1) < 0.0
         probability = mesh.cell_data_dict["probability"]["quad"]

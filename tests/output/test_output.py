@@ -58,9 +58,9 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     after_four = [axes for axes in panels if axes.get_title().startswith("4 cycles")]
     assert after_four[0].get_zlim() == after_four[1].get_zlim()
     assert f"{DENSITY.overturned[4, 0]:.3f}" in [text.get_text() for text in after_four[0].texts]
-    told = [text.get_text() for text in figure.texts]
-    assert [one.endswith("noise replaced") for one in told[1:5]] == [True, False, True, False]
-    assert any("Replaced, not checked" in one for one in told)
+    texts = [text.get_text() for text in figure.texts]
+    assert [line.endswith("noise replaced") for line in texts[1:5]] == [True, False, True, False]
+    assert any("Replaced, not checked" in line for line in texts)
     width, height = figure.get_size_inches()
     assert width == pytest.approx(3 * 3.6, abs=0.5)
     for axes in panels:
@@ -97,7 +97,7 @@ def test_maps_of_both_engines(tmp_path, drawn):
         assert above.collections[0].get_clim() == below.collections[0].get_clim()
 
 
-def test_survival_figure(tmp_path, drawn):
+def test_the_survival_figure_draws_survival_and_differences(tmp_path, drawn):
     white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=3_000, method="white")
     curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE, white], "Survival")
     (figure,) = drawn
@@ -129,7 +129,7 @@ def test_a_picture_says_what_it_shows_and_so_does_its_file(tmp_path, drawn):
 def test_each_of_several_verdicts_says_what_it_is_on():
     """With one comparison the title tells."""
     white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=2_000, method="white", seed=2)
-    both = [compare(one, DENSITY, [2]) for one in (ENSEMBLE, white)]
+    both = [compare(sample, DENSITY, [2]) for sample in (ENSEMBLE, white)]
     sentences = tables.comparison_table(both)[2]
     for sentence, name, compared in zip(sentences[:2], ("rk4", "white"), both, strict=True):
         assert sentence == f"Monte Carlo {name} against Fokker-Planck density, {compared.trust}"
@@ -217,9 +217,9 @@ def test_probe_names_a_missing_package(monkeypatch):
 def test_times_after_a_pulse_are_in_seconds_where_the_size_is_known():
     sized = Scene(Block(0.9, Dimensions(0.6, 2.0)), Pulse("one-sine", 1.4, 3.0), BandNoise(0.01, (0.0, 9.0), 20))
     size, times = sized.block.dimensions, np.array([0.0, 2.0, 7.0])
-    found = fakes.FakeEvolution(sized, cycles=2, times=times)
-    assert found.row_values == pytest.approx(size.seconds(times), rel=1e-15)
-    assert (found.row_label, found.when(2)) == ("time, s", f"after {size.seconds(7.0):.4g} s")
+    density = fakes.FakeEvolution(sized, cycles=2, times=times)
+    assert density.row_values == pytest.approx(size.seconds(times), rel=1e-15)
+    assert (density.row_label, density.when(2)) == ("time, s", f"after {size.seconds(7.0):.4g} s")
     bare = fakes.FakeEvolution(sized.varied(block=Block(0.9)), cycles=2, times=times)
     assert bare.row_values.tolist() == times.tolist()
     assert (bare.row_label, bare.when(2)) == ("time τ", "τ = 7")
@@ -228,16 +228,19 @@ def test_times_after_a_pulse_are_in_seconds_where_the_size_is_known():
 def test_a_block_with_a_size_is_shown_in_seconds_and_degrees(capsys, tmp_path):
     scene = Scene(Block(0.9, Dimensions(0.6, 2.0)), Harmonic(1.4, 3.0), BandNoise(0.01, (0.0, 9.0), 20))
     size = scene.block.dimensions
-    found = fakes.FakeEnsemble(scene, realizations=500)
-    tables.show(*tables.result_table(found))
+    ensemble = fakes.FakeEnsemble(scene, realizations=500)
+    tables.show(*tables.result_table(ensemble))
     first, _, head, _, *rows = capsys.readouterr().out.splitlines()
-    last, half = size.seconds(found.times[-1]), np.abs(found.survival_interval()[-1] - found.survival[-1]).max()
-    told = f"P(overturned) = {1.0 - found.survival[-1]:.4f} ± {half:#.2g} (95 %, sampling), after "
-    assert first == f"{told}10 cycles ({last:.4g} s)"
+    last, half = (
+        size.seconds(ensemble.times[-1]),
+        np.abs(ensemble.survival_interval()[-1] - ensemble.survival[-1]).max(),
+    )
+    sentence = f"P(overturned) = {1.0 - ensemble.survival[-1]:.4f} ± {half:#.2g} (95 %, sampling), after "
+    assert first == f"{sentence}10 cycles ({last:.4g} s)"
     assert head.split()[:3] == ["cycles", "time,", "s"]
-    assert float(rows[4].split()[1]) == pytest.approx(size.seconds(found.times[4]), rel=1e-3)
-    assert found.table()["time_s"] == pytest.approx(size.seconds(found.times))
-    survival, plane = found.plot(cycle=4).axes[:2]
+    assert float(rows[4].split()[1]) == pytest.approx(size.seconds(ensemble.times[4]), rel=1e-3)
+    assert ensemble.table()["time_s"] == pytest.approx(size.seconds(ensemble.times))
+    survival, plane = ensemble.plot(cycle=4).axes[:2]
     assert survival.get_xlabel() == "forcing cycles"
     assert (plane.get_xlabel(), plane.get_ylabel()) == ("angle θ, degrees", "velocity, degrees/s")
     (mesh,) = plane.collections
@@ -245,12 +248,12 @@ def test_a_block_with_a_size_is_shown_in_seconds_and_degrees(capsys, tmp_path):
     edges = coordinates[0, :, 0], coordinates[:, 0, 1]
     areas = np.multiply.outer(*map(np.diff, edges))
     unit = math.degrees(size.critical_angle)
-    bins = found.bin_probabilities(4, edges[0] / unit, edges[1] / (unit * size.frequency_parameter))
+    bins = ensemble.bin_probabilities(4, edges[0] / unit, edges[1] / (unit * size.frequency_parameter))
     np.testing.assert_allclose(mesh.get_array(), (bins / areas).T, rtol=1e-9, atol=1e-12)
-    report.write_report(tmp_path / "x.html", found, {}, films=[found], scenes=[scene])
+    report.write_report(tmp_path / "x.html", ensemble, {}, films=[ensemble], scenes=[scene])
     text = (tmp_path / "x.html").read_text(encoding="utf-8")
     film = json.loads(re.search(r"id='film'>(.*?)</script>", text)[1])
     assert film["names"] == ["angle θ, degrees", "velocity, degrees/s"]
-    assert film["angle"][-1] == pytest.approx(unit * edges_of([found], [4])[0][-1], rel=0.2)
+    assert film["angle"][-1] == pytest.approx(unit * edges_of([ensemble], [4])[0][-1], rel=0.2)
     assert f"Here the critical angle is {unit:.4g}°, and τ = 1 is {size.seconds(1.0):.4g} s." in text
     assert "<th>time, s</th>" in text

@@ -122,12 +122,14 @@ def test_it_says_what_the_model_leaves_out(report):
 
 def test_it_says_which_equation_of_motion_it_is_for():
     exact, slender = (dataclasses.replace(DENSITY.scene, block=Block(0.5, critical_angle=a)) for a in (0.2, 0.0))
-    found = [left_out(scenes).partition(". ")[0] for scenes in ([exact], [slender, slender], [exact, slender])]
+    beginnings = [left_out(scenes).partition(". ")[0] for scenes in ([exact], [slender, slender], [exact, slender])]
     base = "The model is one rigid block that rocks in a plane on a rigid base"
     part = ", with the equation of motion of a slender one"
-    assert found == [base, base + part, f"{base}{part} in 1 of 2 scenes"]
+    assert beginnings == [base, base + part, f"{base}{part} in 1 of 2 scenes"]
     exact = dataclasses.replace(DENSITY.scene, block=Block(0.5, critical_angle=0.2))
-    assert [", and the scatter of restitution." in left_out([exact], scatter=one) for one in (True, False)] == [
+    assert [
+        ", and the scatter of restitution." in left_out([exact], scatter=scattered) for scattered in (True, False)
+    ] == [
         True,
         False,
     ]
@@ -214,17 +216,17 @@ def test_the_slider_draws_its_cycle(both, tmp_path):
     (tmp_path / "run.js").write_text(STAND_IN, encoding="utf-8")
     asked = [shutil.which("node"), tmp_path / "run.js", tmp_path / "film.json", SCRIPT]
     done = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=60)
-    found = json.loads(done.stdout)
-    assert found["when"] == "after 4 cycles"
-    assert float(found["most"]) == pytest.approx(film["most"][4], rel=1e-2)
+    page = json.loads(done.stdout)
+    assert page["when"] == "after 4 cycles"
+    assert float(page["most"]) == pytest.approx(film["most"][4], rel=1e-2)
     left, right = DENSITY.overturned[4]
-    assert found["said"][0] == f"survival {DENSITY.survival[4]:.4f}, overturned left {left:.4f}, right {right:.4f}"
-    assert found["label"].startswith("Density after 4 cycles: survival ")
+    assert page["said"][0] == f"survival {DENSITY.survival[4]:.4f}, overturned left {left:.4f}, right {right:.4f}"
+    assert page["label"].startswith("Density after 4 cycles: survival ")
     columns, rows = len(film["angle"]) - 1, len(film["velocity"]) - 1
-    one = columns * rows + 3
-    assert len(found["drawn"]) == 2 * one
+    per_frame = columns * rows + 3
+    assert len(page["drawn"]) == 2 * per_frame
     for n, shown in enumerate(film["films"]):
-        boxes = found["drawn"][n * one : (n + 1) * one]
+        boxes = page["drawn"][n * per_frame : (n + 1) * per_frame]
         codes = base64.b64decode(shown["codes"][4])
         assert [box[0] for box in boxes[1:-2]] == [film["colours"][code] for code in codes]
         places = np.array([box[1:] for box in boxes[1:-2]]).reshape(columns, rows, 4)
@@ -259,7 +261,7 @@ def test_commands_write_it_and_tell_its_size(command, tmp_path, monkeypatch):
     assert page.json["summary"]["trust"]["verdict"] == ("ok" if command == "mc" else "caution")
     assert len(page.json["film"]["films"]) == 1 + (command == "compare")
     assert err == f"fpk-rocking {command}: {path}: {path.stat().st_size / 1000:,.0f} kB\n"
-    assert [one.name for one in path.parent.iterdir()] == ["out.html"]
+    assert [file.name for file in path.parent.iterdir()] == ["out.html"]
 
 
 def test_of_fragility_there_are_curves_and_numbers(tmp_path):

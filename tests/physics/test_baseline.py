@@ -34,7 +34,7 @@ def scene_of(record):
 
 
 def drift_sentences(record):
-    return [one.message for one in scene_diagnostics(scene_of(record), "") if one.kind == "drift"]
+    return [diagnostic.message for diagnostic in scene_diagnostics(scene_of(record), "") if diagnostic.kind == "drift"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -68,14 +68,14 @@ def test_the_gain_of_the_filter_is_that_of_order_4_without_a_change_of_phase(fre
     interval = 0.01
     times = interval * (np.arange(40_001) - 20_000)
     wave = np.sin(2.0 * math.pi * frequency * times)
-    found = corrected(wave, interval, "high-pass", corner)
+    filtered = corrected(wave, interval, "high-pass", corner)
     middle = np.abs(times) < 10.0
     offset, slope = np.polyfit(times, wave, 1)[::-1]
     assert abs(offset) < 1e-9
     # The line of a slow sine is not 0; what the filter leaves of a line is 0 far from its ends.
     assert abs(slope) * 200.0 < 0.5
     gain = 1.0 / (1.0 + (corner / frequency) ** 4)
-    assert found[middle] == pytest.approx(gain * wave[middle], abs=2e-3)
+    assert filtered[middle] == pytest.approx(gain * wave[middle], abs=2e-3)
     _, response = signal.freqz(*signal.butter(2, corner, "highpass", fs=1.0 / interval), [frequency], fs=1.0 / interval)
     assert abs(response[0]) ** 2 == pytest.approx(gain, rel=1e-3)
 
@@ -88,9 +88,9 @@ def test_the_padding_is_zeros_for_6_corner_periods_that_are_cut_off():
     straight = samples - np.polyval(np.polyfit(steps, samples, 1), steps)
     sections = signal.butter(2, 0.1, "highpass", fs=100.0, output="sos")
     padded = np.pad(straight, 60_000)
-    found = corrected(samples, 0.01, "high-pass")
+    filtered = corrected(samples, 0.01, "high-pass")
     forwards = signal.sosfilt(sections, signal.sosfilt(sections, padded)[::-1])[::-1]
-    assert found == pytest.approx(forwards[60_000:-60_000], abs=1e-6 * np.abs(samples).max())
+    assert filtered == pytest.approx(forwards[60_000:-60_000], abs=1e-6 * np.abs(samples).max())
 
 
 def test_the_figures_of_a_drift_are_those_of_sums_by_hand():
@@ -161,7 +161,7 @@ def test_a_correction_is_written_and_read_back_and_comes_from_scene_files(tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("correction", "says"),
     [
         ({"baseline": "highpass"}, "forcing.baseline: got 'highpass', accepted: 'none' or 'mean' or 'linear' or 'high"),
         ({"corner_hz": 0.0}, "forcing.corner_hz: got 0"),
@@ -169,9 +169,9 @@ def test_a_correction_is_written_and_read_back_and_comes_from_scene_files(tmp_pa
         ({"baseline": "high-pass", "corner_hz": 1e-9}, "forcing.corner_hz: got 1e-09, accepted: from 0.000286 to"),
     ],
 )
-def test_what_is_no_correction_is_refused(given, says):
+def test_what_is_no_correction_is_refused(correction, says):
     with pytest.raises(ValueError, match=says):
-        Record(0.01, (0.0, 1.0, 0.0), "g", **given)
+        Record(0.01, (0.0, 1.0, 0.0), "g", **correction)
     with pytest.raises(TypeError, match=r"forcing.baseline: got 3"):
         Record(0.01, (0.0, 1.0, 0.0), "g", baseline=3)
 
@@ -180,13 +180,13 @@ def test_a_correction_is_remarked_with_what_it_removes():
     motions = synthetic_records(3, duration=40.0)
     assert baseline_remark(motions) == ""
     records = [dataclasses.replace(drifting(motion), baseline="high-pass") for motion in motions]
-    one = records[0].correction
+    correction = records[0].correction
     sentence = baseline_remark([records[0].scaled(3.0, 1.0), records[0]])
     assert sentence.startswith("Baseline of synthetic motion 1 of seed 1, ")
     assert (
         "corrected (high-pass, 0.1 Hz), which removes an offset of 0.004 g and a slope of 0.0002 g/s: PGV " in sentence
     )
-    assert f"PGV {one.corrected_pgv:.3g} in place of {one.pgv:.3g} m/s" in sentence
+    assert f"PGV {correction.corrected_pgv:.3g} in place of {correction.pgv:.3g} m/s" in sentence
     ratios = sorted(record.correction.corrected_pgv / record.correction.pgv for record in records)
     assert f"This multiplies PGV by {ratios[0]:.3g} to {ratios[-1]:.3g} and PGA by" in baseline_remark(records)
 
@@ -207,10 +207,10 @@ def test_units_and_steps_that_were_typed_wrong_are_named():
     assert sentence.endswith("it lasts 400 s: is its interval 0.2 s, and its unit m/s2?")
 
 
-def columns_of(tmp_path, text, **given):
+def columns_of(tmp_path, text, **options):
     path = tmp_path / "motion.csv"
     path.write_text(text)
-    return Record.from_file(path, **given)
+    return Record.from_file(path, **options)
 
 
 @pytest.mark.parametrize(
@@ -301,13 +301,13 @@ def test_a_study_of_records_that_drift_tells_so_and_corrects_them_on_request(tmp
     """Units are given for the files that say none; after the correction the rate is that without drift to 5 %."""
     files = write_motions(tmp_path)
     rack = scene_of(synthetic_records(1, duration=5.0)[0])
-    given = {"units": "m/s2", "realizations": 1}
+    options = {"units": "m/s2", "realizations": 1}
     grid = np.geomspace(0.1, 4.0, 12)
-    raw = study(rack, files, HAZARD, grid, **given)
+    raw = study(rack, files, HAZARD, grid, **options)
     assert "drifts: its PGV of " in str(raw.trust)
     assert "--baseline high-pass" in raw.text()
     assert "Baseline" not in raw.text()
-    mended = study(rack, files, HAZARD, grid, baseline="high-pass", **given)
+    mended = study(rack, files, HAZARD, grid, baseline="high-pass", **options)
     assert "drifts" not in mended.text()
     assert "Baselines of 5 records corrected (high-pass, 0.1 Hz), which removes offsets of up to 0.006" in mended.text()
     assert any(sentence.startswith("Baselines of 5 records") for sentence in mended.fragility.remarks)
@@ -316,7 +316,7 @@ def test_a_study_of_records_that_drift_tells_so_and_corrects_them_on_request(tmp
     assert mended.risk.rate == pytest.approx(true.risk.rate, rel=1e-6)
     assert abs(raw.risk.rate / true.risk.rate - 1.0) > 0.05
     with pytest.raises(ValueError, match="baseline: got 'high', accepted: 'none' or 'mean'"):
-        study(rack, files, HAZARD, grid, baseline="high", **given)
+        study(rack, files, HAZARD, grid, baseline="high", **options)
     with pytest.raises(ValueError, match=r"units: got 'gal', accepted: nothing, as all files say their unit \(g\)"):
         study(rack, [files[1]], HAZARD, grid, units="gal")
     harmonic = Scene.from_block(0.5, 1.8, "0.3 g", 1.5)
@@ -340,8 +340,8 @@ def test_baselines_in_the_shell(tmp_path, capsys):
         assert "drifting" not in out
         assert "Baselines of 5 records corrected (high-pass, 0.1 Hz)" in out
     assert main([*curves, "--baseline", "linear", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert any("corrected (linear)" in sentence for sentence in found["remarks"])
+    printed = json.loads(capsys.readouterr().out)
+    assert any("corrected (linear)" in sentence for sentence in printed["remarks"])
     assert main(["fragility", str(path), str(path), *common, "--pga", "0.1,0.4"]) == 2
     assert "--records: got 2 scenes, accepted: one" in capsys.readouterr().err
     assert main(["fragility", str(path), "--units", "g", "--pga", "0.1,0.4"]) == 2

@@ -35,6 +35,6 @@ def test_a_flight_surely_rises_from_x_0_only_without_a_fall_and_below_the_cut_of
 
 def test_a_polynomial_is_divided_by_the_time_since_the_begin():
     expected = np.append(np.random.default_rng(2).normal(size=TERMS - 1), 0.0)
-    found = np.empty(TERMS)
-    _without_begin.py_func((Polynomial(expected) * Polynomial([1.0, 1.0])).coef[:TERMS], found)
-    assert found == pytest.approx(expected, abs=1e-12)
+    divided = np.empty(TERMS)
+    _without_begin.py_func((Polynomial(expected) * Polynomial([1.0, 1.0])).coef[:TERMS], divided)
+    assert divided == pytest.approx(expected, abs=1e-12)

@@ -75,12 +75,12 @@ def test_an_envelope_of_one_changes_nothing(noise, forcing):
     asked = {"realizations": 100, **(TIMES if forcing.period is None else {"cycles": 3})}
     scene = PULSED.varied(forcing=forcing)
     plain = simulate(scene.varied(noise=noise), **asked)
-    found = simulate(scene.varied(noise=with_envelope(noise, FLAT)), **asked)
+    enveloped = simulate(scene.varied(noise=with_envelope(noise, FLAT)), **asked)
     if noise is WHITE:  # here a bounce in one draw ends with an interval
-        assert np.abs(plain.survival - found.survival).max() < 0.2
+        assert np.abs(plain.survival - enveloped.survival).max() < 0.2
     else:
-        assert found.angle == pytest.approx(plain.angle, abs=1e-7, nan_ok=True)
-        assert found.overturn_time == pytest.approx(plain.overturn_time, abs=1e-7, nan_ok=True)
+        assert enveloped.angle == pytest.approx(plain.angle, abs=1e-7, nan_ok=True)
+        assert enveloped.overturn_time == pytest.approx(plain.overturn_time, abs=1e-7, nan_ok=True)
 
 
 @pytest.mark.parametrize("forcing", [PULSED.forcing, Harmonic(2.0, 2.7, 1.0)], ids=str)
@@ -113,9 +113,9 @@ def test_flights_have_the_exact_mean_and_covariance(name, envelope):
     else:
         covariance = None if name == "white" else lambda lag: autocovariance(noise, np.abs(lag))
     mean, wanted = flight_moments(scene, times, covariance)
-    found = simulate(scene, times=times, realizations=size, seed=5)
+    ensemble = simulate(scene, times=times, realizations=size, seed=5)
     for k in range(3):
-        states = np.stack([found.angle[:, k + 1], found.velocity[:, k + 1]], axis=-1) - mean[k]
+        states = np.stack([ensemble.angle[:, k + 1], ensemble.velocity[:, k + 1]], axis=-1) - mean[k]
         root = np.linalg.inv(np.linalg.cholesky(wanted[k]))
         whitened = states @ root.T
         level = 1e-3 / 12.0
@@ -142,19 +142,19 @@ def test_before_white_noise_begins_a_block_moves_as_without_noise():
     """Through impacts, near x = 0 and far from it."""
     scene, asked = PULSED.varied(start=Start(0.4, 0.1)), {"times": [0.5, 1.3, 2.7, 4.1, 6.0], "realizations": 1}
     quiet = simulate(scene, **asked)
-    found = simulate(scene.varied(noise=with_envelope(WHITE, Table((20.0, 21.0), (0.0, 1.0)))), **asked)
+    ensemble = simulate(scene.varied(noise=with_envelope(WHITE, Table((20.0, 21.0), (0.0, 1.0)))), **asked)
     assert np.sign(quiet.angle).min() < 0.0 < np.sign(quiet.angle).max()
-    assert found.angle == pytest.approx(quiet.angle, abs=1e-9)
-    assert found.velocity == pytest.approx(quiet.velocity, abs=1e-9)
+    assert ensemble.angle == pytest.approx(quiet.angle, abs=1e-9)
+    assert ensemble.velocity == pytest.approx(quiet.velocity, abs=1e-9)
 
 
 def test_a_block_rests_once_white_noise_has_died_away():
     scene = Scene(Block(0.8), Pulse("one-sine", 0.5, 3.0), with_envelope(WHITE, Trapezoid(0.5, 1.0, 0.5)))
-    found = simulate(scene, times=[1.5, 14.0], realizations=500)
-    assert np.abs(found.velocity[:, 1]).min() > 0.0
-    standing = found.overturn_side == 0
+    ensemble = simulate(scene, times=[1.5, 14.0], realizations=500)
+    assert np.abs(ensemble.velocity[:, 1]).min() > 0.0
+    standing = ensemble.overturn_side == 0
     assert standing.mean() > 0.5
-    assert (found.velocity[standing, 2] == 0.0).mean() > 0.95
+    assert (ensemble.velocity[standing, 2] == 0.0).mean() > 0.95
 
 
 def test_records_take_an_envelope_too():

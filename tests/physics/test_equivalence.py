@@ -114,6 +114,6 @@ def test_spread_against_quadrature_of_the_response(band, restitution):
 
 @pytest.mark.parametrize("noise", [WhiteNoise(0.01), NoNoise(), BandNoise(0.0, (0.0, 10.0), 10)])
 def test_cover_and_spread_need_a_band(noise):
-    for measure in (melnikov.relative_variance, lambda one: melnikov.realized_spread(one, 0.5)):
+    for measure in (melnikov.relative_variance, lambda noise: melnikov.realized_spread(noise, 0.5)):
         with pytest.raises(ValueError, match=r"noise: got .* accepted: band noise of a variance > 0"):
             measure(noise)

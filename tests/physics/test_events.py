@@ -51,8 +51,8 @@ def test_a_block_in_contact_that_is_pressed_down_has_an_impact_at_once_and_no_sp
     segment, block = harmonic(0.0, 0.0, 2.0, 0.0, 0.25), Body(0.9, CUTOFF)
     for speed in (0.0, 0.9e-9):
         assert next_event(0.0, side * speed, side, segment, 0.1, 0.25, block) == (Event.IMPACT, 0.1, 0.0, 0.0)
-    found, time, x, v = next_event(0.0, side * 1e-5, side, segment, 0.1, 0.25, block)
-    assert (found, x) == (Event.IMPACT, 0.0)
+    event, time, x, v = next_event(0.0, side * 1e-5, side, segment, 0.1, 0.25, block)
+    assert (event, x) == (Event.IMPACT, 0.0)
     assert (time - 0.1, v) == (pytest.approx(2e-5, rel=1e-6), pytest.approx(-side * 1e-5, rel=1e-6))
 
 
@@ -109,12 +109,12 @@ def test_grazing_is_met_exactly_and_stepped_over_never(side, depth):
         segment = harmonic(0.0, side * amplitude, 2.0, -0.2, 0.25)
         acceleration = level - 1.0 - amplitude
         x, v = flight_end(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, Body(1.0, CUTOFF))
-        found, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
+        event, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         if depth < 0.0:
-            assert found == Event.NONE
+            assert event == Event.NONE
             continue
         early = math.sqrt(2.0 * depth / abs(acceleration))
-        assert found == kind
+        assert event == kind
         assert time == pytest.approx(0.1 - early, abs=0.2 * early**2 + 3e-15 / early)
         assert x == side * level
         assert v == pytest.approx(side * sign * abs(acceleration) * early, rel=0.2 * early, abs=2e-14 / early)
@@ -157,9 +157,9 @@ def test_first_event_for_any_polynomial_against_dense_sampling():
         kind, time, clearance = first_event(side * u, side * w, side, particular, 0.25)
         if clearance < 1e-5:
             continue
-        found, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
+        event, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
         kinds[kind] += 1
-        assert (found, at) == (kind, pytest.approx(time, abs=1e-11))
+        assert (event, at) == (kind, pytest.approx(time, abs=1e-11))
         there = flight_end(side * u, side * w, side, segment, 0.0, at, Body(1.0, CUTOFF))
         assert (x, v) == (pytest.approx(there[0], abs=1e-13), pytest.approx(there[1], abs=1e-13))
     assert min(kinds[kind] for kind in (Event.NONE, Event.IMPACT, Event.OVERTURNING)) > 200

@@ -41,7 +41,7 @@ EXTREME = [
     for power in (-8, -3, 0, 4, 8)
     for zeta in (1e-3, 0.7, 1.0, 1e3)
 ]
-each = pytest.mark.parametrize("noise", NOISES, ids=lambda one: f"{one.filter}-{one.frequency}-{one.damping}")
+each = pytest.mark.parametrize("noise", NOISES, ids=lambda noise: f"{noise.filter}-{noise.frequency}-{noise.damping}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,8 +98,8 @@ def test_the_formulas_against_quadrature(noise):
         return formulas.spectral_density(noise, omega)
 
     assert _integral(density, noise.frequency, lambda _: 1.0) == pytest.approx(noise.variance, rel=1e-10)
-    found = _integral(density, noise.frequency, _melnikov)
-    assert formulas.melnikov_variance(noise) == pytest.approx(found, rel=1e-10)
+    variance = _integral(density, noise.frequency, _melnikov)
+    assert formulas.melnikov_variance(noise) == pytest.approx(variance, rel=1e-10)
     for lag in (0.1 / noise.frequency, 2.0 / noise.frequency):
         transform, _ = quad(density, 0.0, np.inf, weight="cos", wvar=lag, epsabs=1e-11)
         assert formulas.autocovariance(noise, lag) == pytest.approx(transform, abs=1e-8)
@@ -137,9 +137,11 @@ def test_a_filter_of_any_order_against_quadrature(own, centre, formula):
     omega = np.array([0.0, 0.3, 1.1, 2.0, 4.5, 20.0, 300.0])
     assert space.spectral_density(omega) == pytest.approx(density(omega), rel=1e-10, abs=1e-18)
     covariance = space.correlation @ space.output
-    for one in omega:
-        other = np.linalg.solve(1j * one * np.eye(space.order) - space.drift, covariance)
-        assert space.spectral_density(one) == pytest.approx(2.0 / math.pi * (space.output @ other).real, abs=1e-15)
+    for frequency in omega:
+        other = np.linalg.solve(1j * frequency * np.eye(space.order) - space.drift, covariance)
+        assert space.spectral_density(frequency) == pytest.approx(
+            2.0 / math.pi * (space.output @ other).real, abs=1e-15
+        )
     assert space.autocovariance(0.0) == pytest.approx(1.0, rel=1e-12)
     for lag in (0.07, 0.9):
         transform, _ = quad(density, 0.0, np.inf, weight="cos", wvar=lag, epsabs=1e-11, limlst=200)
@@ -168,8 +170,8 @@ def test_only_ratios_of_the_matrices_count():
     space, units = Butterworth(2.0).space, np.array([1e-6, 3.0, 1e7])
     drift = space.drift * units[:, None] / units
     other = LinearFilter(drift.tolist(), (7.0 * units * space.input).tolist(), (1e4 * space.output / units).tolist())
-    for found, wanted in zip(other.space, space, strict=True):
-        assert np.abs(found - wanted).max() < 1e-13 * np.abs(wanted).max()
+    for matrix, wanted in zip(other.space, space, strict=True):
+        assert np.abs(matrix - wanted).max() < 1e-13 * np.abs(wanted).max()
     assert space.smooth
     assert not SOIL.space.smooth
     twice = Butterworth(2.0).faster(3.0), SOIL.faster(3.0)
@@ -189,10 +191,10 @@ def test_transition_against_its_definition(noise, steps):
     assert phi == pytest.approx(expm(drift * duration), rel=1e-9, abs=1e-13)
     part = duration / (1 + math.ceil(8.0 * steps))
     nodes, weights = 0.5 * part * (1.0 + np.polynomial.legendre.leggauss(8)[0]), np.polynomial.legendre.leggauss(8)[1]
-    within, whole = expm(drift * nodes[:, None, None]), expm(drift * part)
+    within, complete = expm(drift * nodes[:, None, None]), expm(drift * part)
     exact, begin = np.zeros(phi.shape), source
     for _ in range(round(duration / part)):
-        moved, begin = within @ begin, whole @ begin
+        moved, begin = within @ begin, complete @ begin
         exact += 0.5 * part * (moved.T * weights) @ moved
     size = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
     assert np.abs((covariance - exact) / size).max() < 1e-11
@@ -215,8 +217,8 @@ def test_a_slow_filter_is_a_constant_force():
 def test_melnikov_functions_take_filtered_noise(main_scene):
     noise = main_scene.filtered_equivalent().noise
     for of in (
-        lambda one: melnikov.critical_amplitude(2.7, 0.5, one),
-        lambda one: melnikov.phase_flux((4.6, 2.7), 0.5, one),
+        lambda noise: melnikov.critical_amplitude(2.7, 0.5, noise),
+        lambda noise: melnikov.phase_flux((4.6, 2.7), 0.5, noise),
     ):
         assert of(noise) == pytest.approx(of(main_scene.noise), rel=1e-12)
     white = main_scene.varied(noise=noise).white_equivalent()
@@ -226,12 +228,12 @@ def test_melnikov_functions_take_filtered_noise(main_scene):
 @pytest.mark.parametrize("band", [(0.0, 10.0), (0.0, 1e-3), (1.0, 6.0), (4.0, 10.0), (0.0, 35.3)])
 def test_filtered_equivalent_has_both_variances(main_scene, band):
     scene = main_scene.varied(noise={"band": band})
-    found = scene.filtered_equivalent()
-    assert found.noise.filter == "low-pass"
-    assert found.noise.damping == math.sqrt(0.5)
-    assert found.noise.variance == scene.noise.variance
-    assert melnikov.noise_variance(found.noise) == pytest.approx(melnikov.noise_variance(scene.noise), rel=1e-12)
-    assert found.filtered_equivalent() is found
+    equivalent = scene.filtered_equivalent()
+    assert equivalent.noise.filter == "low-pass"
+    assert equivalent.noise.damping == math.sqrt(0.5)
+    assert equivalent.noise.variance == scene.noise.variance
+    assert melnikov.noise_variance(equivalent.noise) == pytest.approx(melnikov.noise_variance(scene.noise), rel=1e-12)
+    assert equivalent.filtered_equivalent() is equivalent
 
 
 def test_filtered_equivalent_of_the_main_scene(main_scene):
@@ -282,7 +284,7 @@ def test_a_filter_is_checked_by_name(arguments, error, message):
 
 
 @each
-def test_toml_form(main_scene, noise):
+def test_the_toml_form_of_a_filter_round_trips(main_scene, noise):
     scene = main_scene.varied(noise=noise)
     assert 'kind = "filtered"' in scene.to_toml()
     assert ("damping" in scene.to_toml()) is (noise.filter != "exponential")
@@ -312,7 +314,7 @@ def test_a_filter_of_ones_own_is_checked_by_name(own, arguments, message):
         own(*arguments)
 
 
-@pytest.mark.parametrize("own", [SOIL, Butterworth(2.0).faster(1.0)], ids=lambda one: one.kind)
+@pytest.mark.parametrize("own", [SOIL, Butterworth(2.0).faster(1.0)], ids=lambda noise: noise.kind)
 def test_toml_form_of_a_filter_of_ones_own(main_scene, own):
     scene = main_scene.varied(noise=FilteredNoise(own, 0.04, envelope=Trapezoid(1.0, 2.0, 3.0)))
     assert Scene.from_toml(scene.to_toml()) == scene

@@ -11,7 +11,7 @@ from fpk_rocking.forcings import FORCINGS, Chirp, Forcing, Harmonic, Harmonics, 
 from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.scene import limits
-from fpk_rocking.studies.scenes import intensities, resized, scaled
+from fpk_rocking.studies import intensities, resized, scaled
 from montecarlo import simulate
 
 SIZE = Dimensions(0.5, 1.8)
@@ -81,8 +81,8 @@ def test_bounds_hold_and_are_not_far(forcing):
     p, q = forcing.pieces(times)[:, :2].T
     velocity = np.cumsum([forcing.value(time) for time in times.tolist()]) * times[1]
     velocity = np.abs(velocity - (velocity.mean() if forcing.period else 0.0))
-    found = (values, forcing.largest), (slopes, forcing.steepest), (velocity, forcing.largest_velocity)
-    for seen, bound in (*found, (np.maximum(np.abs(p + q), np.abs(p - q)), forcing.swing)):
+    bounds = (values, forcing.largest), (slopes, forcing.steepest), (velocity, forcing.largest_velocity)
+    for seen, bound in (*bounds, (np.maximum(np.abs(p + q), np.abs(p - q)), forcing.swing)):
         assert bound / 1.5 <= seen.max() <= bound * 1.002
     assert intensities(scene_of(forcing)).velocity == forcing.largest_velocity
     rises = times[1:][(values[1:] > 1.0) & (values[:-1] <= 1.0)]
@@ -122,7 +122,9 @@ def test_a_scene_file_holds_it_and_its_range_is_kept(forcing):
     with pytest.raises(ValueError, match=r"forcing\.more: unknown"):
         Scene.from_toml(scene.to_toml().replace("[forcing]", "[forcing]\nmore = 1"))
     limits.check(scene)
-    fields = {one.name for one in dataclasses.fields(forcing) if not isinstance(getattr(forcing, one.name), str | None)}
+    fields = {
+        field.name for field in dataclasses.fields(forcing) if not isinstance(getattr(forcing, field.name), str | None)
+    }
     assert forcing.dimensional or fields <= forcing.ranges.keys()
     assert all(hasattr(forcing, name) for name in forcing.ranges)
     with pytest.raises(ValueError, match=rf"forcing\..*{limits.checks.ENGINES[2:-1]}"):

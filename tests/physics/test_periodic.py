@@ -215,8 +215,8 @@ def test_the_operator_of_unlike_halves_is_the_whole_cycle(operator):
     assert abs(operator.eigenvalues[0]) == pytest.approx(math.exp(-operator.escape_rate), rel=1e-6)
     assert abs(operator.leakage[0] - operator.leakage[1]) > 0.1 * operator.leakage.sum()
     later = operator.scene.varied(forcing=operator.scene.forcing.at_phase(2.0), start=Start(0.3, -0.2))
-    known = solve_fpk(later, cycles=2, tol=1e-2).survival[2]
-    assert operator.survival_map(2, phase=2.0)(0.3, -0.2) == pytest.approx(known, abs=1e-2)
+    survival = solve_fpk(later, cycles=2, tol=1e-2).survival[2]
+    assert operator.survival_map(2, phase=2.0)(0.3, -0.2) == pytest.approx(survival, abs=1e-2)
 
 
 def test_band_noise_engines_agree_under_harmonics():
@@ -257,12 +257,12 @@ def test_polynomials_move_their_origin():
 
 def test_melnikov_functions_of_several_harmonics():
     """One harmonic gives the closed form; three are held against an average over 400,000 phases, to its own error."""
-    one, single = Harmonics(4.0, (4.0,), (0.3,)), Harmonic(4.0, 4.0, 0.3)
+    alone, single = Harmonics(4.0, (4.0,), (0.3,)), Harmonic(4.0, 4.0, 0.3)
     noises = [NoNoise(), BandNoise(0.16, (0.0, 10.0), 100), WhiteNoise(1e-5)]
     for restitution in (0.3, 0.9):
-        both = [melnikov.phase_flux(forcing, restitution, noises) for forcing in (one, single)]
+        both = [melnikov.phase_flux(forcing, restitution, noises) for forcing in (alone, single)]
         assert both[0] == pytest.approx(both[1], abs=1e-12)
-        both = [melnikov.margin(forcing, restitution, noises) for forcing in (one, single)]
+        both = [melnikov.margin(forcing, restitution, noises) for forcing in (alone, single)]
         assert both[0] == pytest.approx(both[1], abs=1e-12)
     several = Harmonics(2.7, (2.4, 1.1, 0.5), (0.0, 0.7, 2.0))
     times = several.period * (np.arange(400_000) + 0.5) / 400_000

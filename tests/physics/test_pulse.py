@@ -21,8 +21,8 @@ SWEEPS = [
 
 
 def phase_of(sweep, time):
-    start, end, whole = map(mpmath.mpf, (sweep.start_frequency, sweep.end_frequency, sweep.duration))
-    return start * time + (end - start) * time**2 / (2 * whole)
+    start, end, duration = map(mpmath.mpf, (sweep.start_frequency, sweep.end_frequency, sweep.duration))
+    return start * time + (end - start) * time**2 / (2 * duration)
 
 
 @pytest.mark.parametrize("sweep", SWEEPS, ids=str)
@@ -30,12 +30,12 @@ def test_its_series_are_those_of_mpmath_and_long_enough(sweep):
     with mpmath.workdps(40):
         for time in sweep.duration * np.array([0.0, 0.37, 0.95]):
             wanted = mpmath.taylor(lambda t: sweep.amplitude * mpmath.sin(phase_of(sweep, t)), mpmath.mpf(time), 15)
-            found = sweep.series(np.array([time]))[0]
+            series = sweep.series(np.array([time]))[0]
             scale = [(2.0 * math.pi / sweep.shortest_period) ** k / math.factorial(k) for k in range(16)]
-            assert found / scale == pytest.approx(np.array(wanted, dtype=float) / scale, abs=1e-11)
+            assert series / scale == pytest.approx(np.array(wanted, dtype=float) / scale, abs=1e-11)
             late = 0.8 * sweep.shortest_period / (2.0 * math.pi)
             exact = float(sweep.amplitude * mpmath.sin(phase_of(sweep, mpmath.mpf(time) + late)))
-            assert found @ late ** np.arange(16) == pytest.approx(exact, abs=2e-13 * sweep.amplitude)
+            assert series @ late ** np.arange(16) == pytest.approx(exact, abs=2e-13 * sweep.amplitude)
     assert sweep.value(sweep.duration) == sweep.value(sweep.duration + 1.0) == 0.0
 
 
@@ -57,26 +57,26 @@ def test_a_flight_is_that_of_an_independent_integrator(number):
         lambda t: sweep.amplitude * math.sin(float(phase_of(sweep, t))), [sweep.duration], scene.block.restitution,
         scene.overturning.angle, scene.start.angle, scene.start.velocity,
     )  # fmt: skip
-    found = simulate(scene, times=times, realizations=1)
+    ensemble = simulate(scene, times=times, realizations=1)
     for row, time in enumerate(times, 1):
         path.advance(time)
         wanted = (math.nan, math.nan) if path.overturned else (path.x, path.v)
-        got = found.angle[0, row], found.velocity[0, row]
+        got = ensemble.angle[0, row], ensemble.velocity[0, row]
         assert got == pytest.approx(wanted, abs=1e-9, nan_ok=True)
 
 
 def test_the_density_under_a_sweep_agrees_with_paths():
     # False alarms: 1e-3.
     scene, size = Scene(Block(0.8), Chirp(2.6, 1.5, 4.0, 3.0), WhiteNoise(0.02)), 20_000
-    found = solve_fpk(scene, times=[3.0, 6.0], tol=1e-2)
+    density = solve_fpk(scene, times=[3.0, 6.0], tol=1e-2)
     paths = simulate(scene, times=[3.0, 6.0], realizations=size, seed=5)
     error = 3.5 * np.sqrt(paths.survival * (1.0 - paths.survival) / size) + 1.0 / size
-    assert 0.05 < found.survival[-1] < 0.95
-    assert (np.abs(found.survival - paths.survival) <= found.error_estimate + error).all()
+    assert 0.05 < density.survival[-1] < 0.95
+    assert (np.abs(density.survival - paths.survival) <= density.error_estimate + error).all()
 
 
 @pytest.mark.parametrize(
-    ("given", "says"),
+    ("values", "says"),
     [
         ((-1.0, 1.0, 2.0, 3.0), "forcing.amplitude: got -1.0"),
         ((1.0, 0.0, 2.0, 3.0), "forcing.start_frequency: got 0.0, accepted: a finite number > 0"),
@@ -85,6 +85,6 @@ def test_the_density_under_a_sweep_agrees_with_paths():
         ((1.0, 10.0, 10.0, 1e4), r"forcing.duration: got 10000.0, accepted: at most 6283.19, 10,000 cycles"),
     ],
 )
-def test_bad_values_are_refused_by_name(given, says):
+def test_bad_values_are_refused_by_name(values, says):
     with pytest.raises(ValueError, match=says):
-        Chirp(*given)
+        Chirp(*values)

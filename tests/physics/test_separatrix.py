@@ -149,7 +149,7 @@ def speeds(moment, alpha, force):
 
     By integration from the neighbourhood of the saddles, backward in time for the stable one.
     """
-    found = []
+    arrivals = []
     for side, direction in ((-1.0, 1.0), (1.0, -1.0)):
         span = moment - 14.0 * direction, moment
 
@@ -162,8 +162,8 @@ def speeds(moment, alpha, force):
 
         # Where it arrives depends on how far from the saddle it begins: x = 0 is to be met at `moment`.
         power = brentq(lambda power: arrival(power)[0], -14.6, -12.6, xtol=1e-10)
-        found.append(arrival(power)[1])
-    return found
+        arrivals.append(arrival(power)[1])
+    return arrivals
 
 
 def test_the_process_is_the_splitting_of_the_manifolds_to_first_order():
@@ -246,9 +246,11 @@ def test_criterion_margin_and_flux_of_one_harmonic():
         assert square == pytest.approx(melnikov.impact_loss(e, alpha) ** 2, rel=1e-13)
     critical = melnikov.critical_amplitude(2.7, e, noise, critical_angle=alpha)
     assert melnikov.margin((critical, 2.7), e, noise, alpha) == pytest.approx(0.0, abs=1e-15)
-    for one in (noise, NoNoise()):
-        flux = melnikov.phase_flux((4.0, 2.7), e, one, alpha)
-        assert flux == pytest.approx(melnikov.phase_flux(Harmonics(2.7, (4.0,), (0.0,)), e, one, alpha), rel=1e-12)
+    for noise_or_none in (noise, NoNoise()):
+        flux = melnikov.phase_flux((4.0, 2.7), e, noise_or_none, alpha)
+        assert flux == pytest.approx(
+            melnikov.phase_flux(Harmonics(2.7, (4.0,), (0.0,)), e, noise_or_none, alpha), rel=1e-12
+        )
     sampled, error = melnikov.phase_flux_sampled((4.0, 2.7), e, noise, strata=64, critical_angle=alpha)
     # Fails falsely with probability 7e-6; the seed is fixed.
     assert melnikov.phase_flux((4.0, 2.7), e, noise, alpha) == pytest.approx(sampled, abs=4.5 * error)

@@ -46,9 +46,9 @@ def things():
 def failures(thing):
     """Say what the examples of a docstring print otherwise than it shows, or that there are none."""
     examples = doctest.DocTestParser().get_doctest(thing.__doc__, {}, thing.__name__, None, 0)
-    told = [] if examples.examples else ["no example"]
-    doctest.DocTestRunner(verbose=False).run(examples, out=told.append)
-    return "".join(told)
+    messages = [] if examples.examples else ["no example"]
+    doctest.DocTestRunner(verbose=False).run(examples, out=messages.append)
+    return "".join(messages)
 
 
 def test_everything_public_has_a_docstring():
@@ -56,44 +56,47 @@ def test_everything_public_has_a_docstring():
 
 
 def test_every_parameter_is_described():
-    found = {name: undescribed(thing) for name, thing in things() if not getattr(thing, "_is_protocol", False)}
-    assert {name: lacking for name, lacking in found.items() if lacking} == {}
-    assert len(found) > 200
+    lacking_of = {name: undescribed(thing) for name, thing in things() if not getattr(thing, "_is_protocol", False)}
+    assert {name: lacking for name, lacking in lacking_of.items() if lacking} == {}
+    assert len(lacking_of) > 200
 
 
 def test_nothing_but_parameters_is_described():
     functions = {name: thing for name, thing in things() if inspect.isroutine(thing)}
-    found = {name: described(one) - inspect.signature(one).parameters.keys() for name, one in functions.items()}
-    assert {name: strange for name, strange in found.items() if strange} == {}
+    strange_of = {
+        name: described(function) - inspect.signature(function).parameters.keys()
+        for name, function in functions.items()
+    }
+    assert {name: strange for name, strange in strange_of.items() if strange} == {}
 
 
 def test_classes_of_public_results_are_in_the_reference():
     """What a public function returns, and what a public class holds, is described too."""
-    known = {name.rpartition(".")[2] for name, thing in things() if inspect.isclass(thing)}
+    documented = {name.rpartition(".")[2] for name, thing in things() if inspect.isclass(thing)}
     named = set()
     for _, thing in things():
-        told = str(inspect.signature(thing).return_annotation) if inspect.isroutine(thing) else ""
-        named |= set(re.findall(r"(?:fpk_rocking|montecarlo)[\w.]*\.([A-Z]\w+)", told))
-    assert named - known == set()
+        annotation = str(inspect.signature(thing).return_annotation) if inspect.isroutine(thing) else ""
+        named |= set(re.findall(r"(?:fpk_rocking|montecarlo)[\w.]*\.([A-Z]\w+)", annotation))
+    assert named - documented == set()
 
 
 def test_a_parameter_without_description_is_found():
-    def bare(one, two, three):
+    def bare(first, second, third):
         """Do it.
 
         Parameters
         ----------
-        one, three : int
+        first, third : int
             Numbers.
 
         Returns
         -------
-        two : int
+        second : int
         """
-        return one, two, three
+        return first, second, third
 
-    assert undescribed(bare) == ["two"]
-    assert described(bare) == {"one", "three"}
+    assert undescribed(bare) == ["second"]
+    assert described(bare) == {"first", "third"}
 
 
 @pytest.mark.site

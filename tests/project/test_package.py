@@ -28,6 +28,7 @@ LAYERS = [
     {"fpk_rocking.output", "fpk_rocking.horizon"},
     {"fpk_rocking.studies"},
     {"fpk_rocking.risk"},
+    {"fpk_rocking.options"},
     {"fpk_rocking.cli"},
 ]
 HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}
@@ -42,18 +43,18 @@ PACKAGES = "fpk_rocking", "montecarlo"
 MODULES = {module_name(path): path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
 
 
-def imported(source, package="", known=MODULES):
+def imported(source, package="", modules=MODULES):
     """Names of the project's modules that a source imports anywhere in it, also inside functions."""
-    found = set()
+    imports = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
+            imports |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = ".".join(package.split(".")[: -node.level + 1 or None]) if node.level else ""
             base = ".".join(filter(None, (base, node.module)))
             # `from package import module` imports the module, `from package import name` the package.
-            found |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in known else base for alias in node.names}
-    return {name for name in found if name.split(".")[0] in PACKAGES}
+            imports |= {f"{base}.{alias.name}" if f"{base}.{alias.name}" in modules else base for alias in node.names}
+    return {name for name in imports if name.split(".")[0] in PACKAGES}
 
 
 def imports_of(name):
@@ -65,8 +66,8 @@ def imports_of(name):
 def room(name):
     """Entry of LAYERS that a module belongs to: the longest of its packages, or itself, that is one."""
     parts = name.split(".")
-    known = set.union(*LAYERS)
-    return next((".".join(parts[:n]) for n in range(len(parts), 0, -1) if ".".join(parts[:n]) in known), name)
+    layers = set.union(*LAYERS)
+    return next((".".join(parts[:n]) for n in range(len(parts), 0, -1) if ".".join(parts[:n]) in layers), name)
 
 
 def level(name):
@@ -104,8 +105,8 @@ def test_the_front_imports_nothing():
 
 def test_imports_are_found_in_every_form():
     source = "import fpk_rocking.cli\ndef f():\n    from fpk_rocking import cli, Scene\n    from ..scene import Scene\n"
-    found = imported(source, package="fpk_rocking.density")
-    assert found == {"fpk_rocking.cli", "fpk_rocking", "fpk_rocking.scene"}
+    imports = imported(source, package="fpk_rocking.density")
+    assert imports == {"fpk_rocking.cli", "fpk_rocking", "fpk_rocking.scene"}
 
 
 def test_importing_the_package_loads_nothing_heavy():
@@ -159,15 +160,15 @@ def names_asked_of_the_project(path):
 
 def defined_in(path):
     """Names that a script defines or imports at its top, read from its text: what it imports may not be installed."""
-    found = set()
+    defined = set()
     for node in ast.parse(path.read_text(encoding="utf-8")).body:
         if isinstance(node, ast.ClassDef | ast.FunctionDef):
-            found.add(node.name)
+            defined.add(node.name)
         elif isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname or alias.name for alias in node.names}
+            defined |= {alias.asname or alias.name for alias in node.names}
         elif isinstance(node, ast.Assign):
-            found |= {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
-    return found
+            defined |= {name.id for target in node.targets for name in ast.walk(target) if isinstance(name, ast.Name)}
+    return defined
 
 
 @pytest.mark.parametrize("path", sorted(ROOT.glob("benchmarks/*.py")), ids=lambda path: path.stem)

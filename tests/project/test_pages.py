@@ -13,7 +13,7 @@ import pytest
 
 import fpk_rocking
 import montecarlo
-from fpk_rocking import Scene, cli, load_scene, melnikov, studies
+from fpk_rocking import Scene, cli, load_scene, melnikov, options, studies
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -33,8 +33,8 @@ OTHER = {"text", "console", "math", "py"}
 
 def blocks(page):
     """Language and text of every block of code of a page, in their order."""
-    found = BLOCK.findall(page.read_text(encoding="utf-8"))
-    return [(language, re.sub(f"^{indent}", "", text, flags=re.MULTILINE)) for indent, language, text in found]
+    matches = BLOCK.findall(page.read_text(encoding="utf-8"))
+    return [(language, re.sub(f"^{indent}", "", text, flags=re.MULTILINE)) for indent, language, text in matches]
 
 
 def pages_with(*languages):
@@ -105,9 +105,9 @@ def test_python_runs_and_prints_what_the_page_shows(page, capsys, monkeypatch):
 def test_toml_is_a_scene_or_a_part_of_one(page):
     for language, text in blocks(page):
         if language == "toml":
-            given = tomllib.loads(text)
+            table = tomllib.loads(text)
             parts = re.split(r"(?m)^(?=\[)", load_scene("main").to_toml())
-            rest = [part for part in parts if part and re.match(r"\[(\w+)", part)[1] not in given]
+            rest = [part for part in parts if part and re.match(r"\[(\w+)", part)[1] not in table]
             assert isinstance(Scene.from_toml("\n".join([text, *rest])), Scene)
 
 
@@ -155,9 +155,9 @@ def test_external_links_are_well_formed():
         r"\bdoi:? ?(10[^\s),]+)": r"10\.\d{4,9}/[\w.()/:;-]*\w",
         r"cond-mat/\w+": r"cond-mat/\d{7}",
     }
-    for found, form in forms.items():
-        links = set(re.findall(found, text))
-        assert len(links) > 0, found
+    for pattern, form in forms.items():
+        links = set(re.findall(pattern, text))
+        assert len(links) > 0, pattern
         assert [link for link in links if not re.fullmatch(form, link)] == []
 
 
@@ -173,7 +173,7 @@ def test_scenes_of_the_package_are_named_where_a_reader_looks():
     assert names == set(re.findall(r'``"([a-z0-9_]+)"``', inspect.getdoc(load_scene)))
     for name in names:
         assert load_scene(name) == load_scene(ROOT / "cases" / "scenes" / f"{name}.toml")
-        assert name in cli._EXAMPLES
+        assert name in options.EXAMPLES
         assert f"`{name}`" in (ROOT / "docs" / "howto" / "install.md").read_text(encoding="utf-8")
     with pytest.raises(FileNotFoundError, match=r"no scene file 'absent' .*of the package: fig05, main, record, "):
         load_scene("absent")

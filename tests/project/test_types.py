@@ -26,8 +26,8 @@ def shown():
         module = None
         for entry in re.split(r"\n(?=\.\. )", page.read_text(encoding="utf-8")):
             module = entry.split()[2] if entry.startswith(".. currentmodule::") else module
-            if found := re.match(r"\.\. auto(?:function|class):: (\w+)", entry):
-                yield module, found[1], entry
+            if match := re.match(r"\.\. auto(?:function|class):: (\w+)", entry):
+                yield module, match[1], entry
 
 
 def functions_of(cls, inherited):
@@ -43,7 +43,7 @@ def functions_of(cls, inherited):
 
 def without_types(function):
     signature = inspect.signature(function)
-    bare = [name for name, one in signature.parameters.items() if one.annotation is one.empty]
+    bare = [name for name, parameter in signature.parameters.items() if parameter.annotation is parameter.empty]
     bare += ["return"] if signature.return_annotation is signature.empty else []
     return [name for name in bare if name not in {"self", "cls"}]
 
@@ -57,10 +57,10 @@ def test_what_the_reference_shows_has_types(module, name, entry):
 
 
 def test_a_lack_of_types_is_found():
-    def bare(self, one, two: int = 2):
-        return self, one, two
+    def bare(self, first, two: int = 2):
+        return self, first, two
 
-    assert without_types(bare) == ["one", "return"]
+    assert without_types(bare) == ["first", "return"]
     own, inherited = (set(functions_of(fpk_rocking.Evolution, inherited)) for inherited in (False, True))
     assert own < inherited
 
@@ -80,9 +80,15 @@ def bare_functions(body):
             continue
         if isinstance(node, ast.ClassDef):
             yield from bare_functions(node.body)
-        elif isinstance(node, ast.FunctionDef) and not any("kernel" in ast.unparse(one) for one in node.decorator_list):
-            given = [one for one in ast.walk(node.args) if isinstance(one, ast.arg) and one.arg not in {"self", "cls"}]
-            if node.returns is None or any(one.annotation is None for one in given):
+        elif isinstance(node, ast.FunctionDef) and not any(
+            "kernel" in ast.unparse(argument) for argument in node.decorator_list
+        ):
+            arguments = [
+                argument
+                for argument in ast.walk(node.args)
+                if isinstance(argument, ast.arg) and argument.arg not in {"self", "cls"}
+            ]
+            if node.returns is None or any(argument.annotation is None for argument in arguments):
                 yield node.name
 
 
@@ -90,7 +96,7 @@ def test_public_functions_of_what_mypy_checks_have_types():
     files = list(checked_files())
     assert len(files) > 90
     bare = {str(path): list(bare_functions(ast.parse(path.read_text(encoding="utf-8")).body)) for path in files}
-    assert {name: found for name, found in bare.items() if found} == {}
+    assert {name: untyped for name, untyped in bare.items() if untyped} == {}
 
 
 def test_a_bare_function_is_found():

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from test_risk import SCALES, curve_of
+from suites import SCALES, curve_of
 
 from fpk_rocking.risk import IntensityCurve, to_nrml, to_pelicun
 from fpk_rocking.studies.lognormal import LognormalFit

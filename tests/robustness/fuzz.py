@@ -72,8 +72,8 @@ def refused(call, *names):
     except (TypeError, ValueError) as error:
         message = str(error)
         assert type(error) in {TypeError, ValueError}, message
-        known = "|".join(re.escape(name) + (r"\w*" if name.endswith(".") else "") for name in names)
-        named = re.match(rf"({known})(\[(\d|'.*')\])*[:, ]", message)
+        accepted_names = "|".join(re.escape(name) + (r"\w*" if name.endswith(".") else "") for name in names)
+        named = re.match(rf"({accepted_names})(\[(\d|'.*')\])*[:, ]", message)
         assert named, f"{message!r} does not begin with one of {names}"
         assert re.search(r": got |: missing|: unknown|, accepted: ", message), message
         return True
@@ -174,7 +174,7 @@ GOOD = {
 }
 
 
-def made(part):
+def sound_part(part):
     """Return a part in which nothing is wrong."""
     return PARTS[part][0](**GOOD[part])
 

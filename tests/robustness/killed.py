@@ -16,7 +16,7 @@ SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
 ASKED = {"cycles": 4, "angle_edges": [-1.6, 0.0, 1.6], "velocity_edges": [-3.0, 0.0, 3.0]}
 
 
-def told(self, path):
+def save_and_report(self, path):
     """Save, and only then say so."""
     save(self, path)
     sys.stdout.write(f"{self.realizations}\n")
@@ -24,7 +24,7 @@ def told(self, path):
 
 
 if __name__ == "__main__":
-    save, Tally.save = Tally.save, told
+    save, Tally.save = Tally.save, save_and_report
     batches.TUNING = batches.TUNING._replace(batch_seconds=1e-9, smallest_batch=256)
     Checkpoint.least_s, Checkpoint.share = 0.0, math.inf
     tally(SCENE, **ASKED, realizations=int(sys.argv[2]), checkpoint=sys.argv[1])

@@ -12,13 +12,8 @@ from fpk_rocking import Record, load_scene, solve_fpk
 from fpk_rocking.density import Evolution
 from fpk_rocking.studies import fragility, grid, sweep
 from montecarlo import (
-    bin_errors,
-    first_passage,
     histories,
-    impact_speeds,
-    mean_poincare_map,
     overturning_rate,
-    restarted_poincare_map,
     simulate,
     split,
     tally,
@@ -84,11 +79,8 @@ WRONG_OVER = st.one_of(
     st.sampled_from([{}, {"size": [1.0]}, {"noise.kind": [1.0]}, {"forcing.phase": []}]),
 )  # fmt: skip
 
-SAMPLES = fuzz.NOT_COUNTS.filter(lambda value: value is not None) | TOO_MANY
-
 ENTRIES = {
     "simulate": (simulate, {"scene": BAND} | SMALL, RUN),
-    "simulate white": (simulate, {"scene": WHITE} | SMALL, RUN),
     "tally": (
         tally,
         {"scene": WHITE} | SMALL,
@@ -101,29 +93,12 @@ ENTRIES = {
         {name: RUN[name] for name in RUN if name not in {"realizations", "method"}}
         | {"walkers": RUN["realizations"] | st.integers(1, 9), "repeats": RUN["realizations"] | st.just(1)},
     ),
-    "restarted_poincare_map": (
-        restarted_poincare_map, {"scene": BAND} | SMALL, RUN | {"overturned": WRONG_METHODS},
-    ),
-    "mean_poincare_map": (
-        mean_poincare_map, {"ensemble": ENSEMBLE}, {"ensemble": WRONG_ENSEMBLES, "overturned": WRONG_METHODS},
-    ),
     "overturning_rate": (
         overturning_rate,
         {"ensemble": ENSEMBLE, "after": 1},
         {"ensemble": WRONG_ENSEMBLES, "after": fuzz.NOT_COUNTS | st.integers(min_value=2), "level": WRONG_LEVELS,
          "side": GIVEN | st.just(0) | st.integers(2) | st.floats(-3.0, 3.0)},
     ),
-    "first_passage": (
-        first_passage,
-        {"result": ENSEMBLE, "edges": EDGES},
-        {"result": WRONG_ENSEMBLES, "edges": FINITE_EDGES, "level": WRONG_LEVELS},
-    ),
-    "impact_speeds": (
-        impact_speeds,
-        {"histories": HISTORIES, "edges": EDGES},
-        {"histories": WRONG_ENSEMBLES, "edges": FINITE_EDGES, "level": WRONG_LEVELS},
-    ),
-    "bin_errors": (bin_errors, {"probabilities": [0.5], "realizations": 3}, {"realizations": fuzz.NOT_COUNTS}),
     "Ensemble.survival_interval": (ENSEMBLE.survival_interval, {}, {"level": WRONG_LEVELS}),
     "Ensemble.bin_probabilities": (ENSEMBLE.bin_probabilities, BINNED, BINS),
     "Tally.bin_probabilities": (TALLY.bin_probabilities, KEPT, BINS),

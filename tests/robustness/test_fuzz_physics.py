@@ -31,11 +31,11 @@ def check(ensemble):
     assert np.array_equal(standing, np.isfinite(ensemble.velocity))
     assert np.all(standing[:, :-1] >= standing[:, 1:])
     assert np.all(np.abs(ensemble.angle[standing]) <= cutoff * (1.0 + 1e-12))
-    gone = ensemble.overturn_side != 0
-    assert np.array_equal(gone, np.isfinite(ensemble.overturn_time))
-    assert np.all(standing[~gone])
-    assert np.all(ensemble.overturn_time[gone] <= cycles * period * (1.0 + 1e-9))
-    assert np.all(ensemble.overturn_time[gone] >= 0.0)
+    overturned = ensemble.overturn_side != 0
+    assert np.array_equal(overturned, np.isfinite(ensemble.overturn_time))
+    assert np.all(standing[~overturned])
+    assert np.all(ensemble.overturn_time[overturned] <= cycles * period * (1.0 + 1e-9))
+    assert np.all(ensemble.overturn_time[overturned] >= 0.0)
     assert ensemble.survival[0] <= 1.0
     assert ensemble.survival[-1] >= 0.0
     assert np.all(np.diff(ensemble.survival) <= 0.0)
@@ -44,13 +44,13 @@ def check(ensemble):
 
 @pytest.mark.parametrize("method", METHODS)
 @fuzz.sizes(60, 1200)
-def test_extreme_scenes_by_every_engine(examples, method):
+def test_extreme_scenes_are_simulated_consistently_or_refused(examples, method):
     simulate(fuzz.scene(noise=fuzz.WhiteNoise(0.006) if method == "white" else fuzz.NoNoise()), method=method, **FEW)
 
     def claim(scene, steps):
-        made, asked = [], FEW | {"method": method, "steps_per_cycle": steps}
-        if not fuzz.refused(lambda: made.append(simulate(scene, **asked)), *RANGE):
-            check(made[0])
+        ensembles, asked = [], FEW | {"method": method, "steps_per_cycle": steps}
+        if not fuzz.refused(lambda: ensembles.append(simulate(scene, **asked)), *RANGE):
+            check(ensembles[0])
 
     fuzz.hold(examples, claim, scene=METHODS[method], steps=st.sampled_from([8, 200]))
 
@@ -90,14 +90,14 @@ def solvable_scenes(draw):
 
 
 @pytest.mark.slow
-def test_extreme_scenes_by_the_density_solver():
+def test_extreme_scenes_are_solved_consistently_or_refused():
     def claim(scene):
-        made = []
+        densities = []
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "not within the tolerance", RuntimeWarning)
-            if fuzz.refused(lambda: made.append(solve_fpk(scene, cycles=2, tol=1e-2)), *RANGE, "scene", "cycles"):
+            if fuzz.refused(lambda: densities.append(solve_fpk(scene, cycles=2, tol=1e-2)), *RANGE, "scene", "cycles"):
                 return
-        result, slack = made[0], 2.0 * made[0].error_estimate + 1e-6
+        result, slack = densities[0], 2.0 * densities[0].error_estimate + 1e-6
         assert result.mass_defect < 1e-11
         assert result.negative_mass <= 0.05
         assert result.survival[0] == 1.0

@@ -48,20 +48,20 @@ def spoiled(draw, text):
 
 @pytest.mark.parametrize("name", TEXTS)
 @fuzz.sizes(80, 4000)
-def test_spoiled_record_files(examples, name, tmp_path):
+def test_spoiled_record_files_are_read_as_finite_or_refused(examples, name, tmp_path):
     (text, units), path = TEXTS[name], tmp_path / name
 
     def claim(data):
         path.write_bytes(data)
-        found = []
+        records = []
         if not fuzz.refused(
-            lambda: found.append(Record.from_file(path, units=units)),
+            lambda: records.append(Record.from_file(path, units=units)),
             "forcing.file",
             "forcing.interval",
             "forcing.units",
         ):
-            assert len(found[0].samples) >= 2
-            assert all(map(math.isfinite, (found[0].interval, *found[0].samples)))
+            assert len(records[0].samples) >= 2
+            assert all(map(math.isfinite, (records[0].interval, *records[0].samples)))
 
     fuzz.hold(examples, claim, data=spoiled(text) | st.binary(max_size=80))
 
@@ -73,9 +73,9 @@ def test_ends_of_lines_and_a_mark_of_utf_8_change_nothing(name, ends, tmp_path):
     # A header has four lines, none of them empty.
     ends = "\n" if units is None and ends == "\n\n" else ends
     path.write_bytes(text.replace("\n", ends).encode("utf-8-sig"))
-    found = Record.from_file(path, units=units)
-    assert found.samples == pytest.approx(SAMPLES, abs=1e-5)
-    assert found.interval == pytest.approx(0.01)
+    record = Record.from_file(path, units=units)
+    assert record.samples == pytest.approx(SAMPLES, abs=1e-5)
+    assert record.interval == pytest.approx(0.01)
 
 
 SCENE = """
@@ -91,7 +91,7 @@ kind = "none"
 
 
 @pytest.mark.parametrize("file", [".", "none.AT2", "", "/dev/zero", "a" * 5000, "\\u0000", "scene.toml"])
-def test_a_scene_with_what_is_no_record_file(file, tmp_path):
+def test_a_scene_with_what_is_no_record_file_is_refused(file, tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(SCENE.format(file=file), encoding="utf-8")
     status, out, err = run("mc", scene)

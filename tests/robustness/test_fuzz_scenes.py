@@ -15,11 +15,11 @@ TEXTS = [
     fuzz.scene().to_toml(),
     fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.002), (0.002, 0.02)))).to_toml(),
     fuzz.scene(block=fuzz.Block(0.7, fuzz.Dimensions(0.4, 1.7)), noise=fuzz.BandNoise(0.04, (0.0, 10.0), 9)).to_toml(),
-    fuzz.scene(forcing=fuzz.made("pulse"), noise=fuzz.WhiteNoise(0.01, fuzz.made("trapezoid"))).to_toml(),
+    fuzz.scene(forcing=fuzz.sound_part("pulse"), noise=fuzz.WhiteNoise(0.01, fuzz.sound_part("trapezoid"))).to_toml(),
     fuzz.scene(
         block=fuzz.Block(dimensions=fuzz.Dimensions(0.4, 1.7)),
-        forcing=fuzz.made("record"),
-        noise=fuzz.BandNoise(0.04, (0.0, 10.0), 9, envelope=fuzz.made("table")),
+        forcing=fuzz.sound_part("record"),
+        noise=fuzz.BandNoise(0.04, (0.0, 10.0), 9, envelope=fuzz.sound_part("table")),
     ).to_toml(),
 ]
 VALUES = st.one_of(
@@ -47,8 +47,8 @@ def claim_text(text):
         scene = Scene.from_toml(text)
     except (TypeError, ValueError) as error:
         assert type(error) in {TypeError, ValueError}
-        known = rf"(({'|'.join(NAMES)})(\.\w+)?(\[\d\])*: (got|missing)|.*: (unknown|missing), |not valid TOML: )"
-        assert re.match(known, str(error), re.DOTALL), str(error)
+        refusal = rf"(({'|'.join(NAMES)})(\.\w+)?(\[\d\])*: (got|missing)|.*: (unknown|missing), |not valid TOML: )"
+        assert re.match(refusal, str(error), re.DOTALL), str(error)
     else:
         assert Scene.from_toml(scene.to_toml()) == scene
         assert 0.0 <= scene.block.restitution <= 1.0
@@ -79,7 +79,7 @@ def spoiled_texts(draw):
 
 
 @fuzz.sizes(300, 12000)
-def test_spoiled_texts(examples):
+def test_spoiled_texts_are_read_as_equal_scenes_or_refused_by_name(examples):
     fuzz.hold(examples, claim_text, text=spoiled_texts())
 
 
@@ -91,15 +91,17 @@ def test_parts_take_or_name_any_value(examples, part):
     table = fuzz.TABLES.get(part, part)
 
     def claim(values):
-        made = []
+        parts = []
         # What an envelope refuses of all its times together bears the envelope's name; some shapes take cycles.
         names = [f"{table}.{name}" for name in values] + [table] * (part == "trapezoid")
         names += ["forcing.cycles"] * (part == "pulse")
-        if not fuzz.refused(lambda: made.append(cls(**fuzz.GOOD[part] | values)), *names):
-            assert repr(made[0]).count("nan") == repr(made[0]).count("inf") == 0
+        if not fuzz.refused(lambda: parts.append(cls(**fuzz.GOOD[part] | values)), *names):
+            assert repr(parts[0]).count("nan") == repr(parts[0]).count("inf") == 0
 
-    one = st.sampled_from(sorted(strategies)).flatmap(lambda name: st.fixed_dictionaries({name: strategies[name]}))
-    fuzz.hold(examples, claim, values=one | st.fixed_dictionaries(strategies))
+    one_value = st.sampled_from(sorted(strategies)).flatmap(
+        lambda name: st.fixed_dictionaries({name: strategies[name]})
+    )
+    fuzz.hold(examples, claim, values=one_value | st.fixed_dictionaries(strategies))
 
 
 def test_a_number_that_python_does_not_write_is_refused_by_name():

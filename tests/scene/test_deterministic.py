@@ -36,7 +36,7 @@ def _fall():
 FALLEN = _fall()
 
 
-def test_what_is_deterministic():
+def test_a_scene_without_noise_and_spread_is_deterministic():
     spread = Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01)))
     silent = BandNoise(0.0, (0.0, 10.0), 100), WhiteNoise(0.0), FilteredNoise("exponential", 0.0, 1.0), NoNoise()
     for noise in silent:
@@ -63,17 +63,17 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
     for engine in engines:
         watch(engine)
     for scene in (QUIET, MAIN.varied(noise={"variance": 0.0}), FALL):
-        one = simulate(scene, cycles=5)
+        single = simulate(scene, cycles=5)
         many = simulate(scene, cycles=5, realizations=200)
-        assert one.angle.shape == (1, 6)
+        assert single.angle.shape == (1, 6)
         for name in ("angle", "velocity", "overturn_time", "overturn_side"):
-            found = getattr(many, name)
-            assert found.shape[0] == 200
-            assert np.array_equal(found, np.repeat(getattr(one, name), 200, axis=0), equal_nan=True)
+            copies = getattr(many, name)
+            assert copies.shape[0] == 200
+            assert np.array_equal(copies, np.repeat(getattr(single, name), 200, axis=0), equal_nan=True)
         listed = histories(scene, cycles=5, realizations=3)
         assert np.array_equal(listed.impact_time, np.tile(histories(scene, cycles=5).impact_time, 3))
         counted = tally(scene, cycles=5, realizations=200)
-        assert np.array_equal(counted.survival, one.survival)
+        assert np.array_equal(counted.survival, single.survival)
         assert counted.realizations == 200
     assert {*rows} == {(engine.task, 0, 1) for engine in engines}
 
@@ -86,9 +86,9 @@ def test_a_number_is_required_where_there_is_chance():
 
 def test_the_outcome_is_the_time_of_a_free_fall():
     seconds = FALL.block.dimensions.seconds(FALLEN)
-    found = simulate(FALL, cycles=2)
-    assert found.overturn_time[0] == pytest.approx(FALLEN, rel=1e-12)
-    assert found.metadata["outcome"] == f"deterministic: overturns to the left at τ = {FALLEN:.4g} ({seconds:.3g} s)"
+    path = simulate(FALL, cycles=2)
+    assert path.overturn_time[0] == pytest.approx(FALLEN, rel=1e-12)
+    assert path.metadata["outcome"] == f"deterministic: overturns to the left at τ = {FALLEN:.4g} ({seconds:.3g} s)"
     pattern = r"deterministic: overturns to the left between τ = (\S+) \((\S+) s\) and τ = (\S+) \((\S+) s\)"
     low, low_s, high, high_s = map(float, re.fullmatch(pattern, tally(FALL, cycles=2).metadata["outcome"]).groups())
     assert low < FALLEN < high
@@ -104,23 +104,23 @@ def test_the_outcome_is_the_time_of_a_free_fall():
 
 @pytest.mark.parametrize("run", [simulate, tally])
 def test_no_output_has_an_interval(run, tmp_path, capsys):
-    found = run(FALL, cycles=2, realizations=50)
-    assert np.array_equal(found.survival_interval(), np.stack([found.survival] * 2, axis=-1))
-    assert found.survival.tolist() == [1.0, 1.0, 0.0]
+    path = run(FALL, cycles=2, realizations=50)
+    assert np.array_equal(path.survival_interval(), np.stack([path.survival] * 2, axis=-1))
+    assert path.survival.tolist() == [1.0, 1.0, 0.0]
     with pytest.raises(ValueError, match="level: got"):
-        found.survival_interval(2.0)
-    values = found.summary()
-    assert values["outcome"] == found.metadata["outcome"]
+        path.survival_interval(2.0)
+    values = path.summary()
+    assert values["outcome"] == path.metadata["outcome"]
     assert not {"interval", "half_width"} & values.keys()
-    assert not [name for name in found.table() if name.endswith(("low", "high"))]
-    assert "survival_interval" not in found.dataset().variables
-    tables.show(*tables.result_table(found))
+    assert not [name for name in path.table() if name.endswith(("low", "high"))]
+    assert "survival_interval" not in path.dataset().variables
+    tables.show(*tables.result_table(path))
     assert "95 %" not in capsys.readouterr().out
-    assert found.title == f"Monte Carlo exact, one path, {found.metadata['outcome']}"
-    assert "95 %" not in found._repr_html_()
-    assert found.plot("survival").axes[0].get_legend_handles_labels()[1] == ["Monte Carlo exact, one path"]
-    assert "seed" not in " ".join(tables.result_table(found)[2]).lower()
-    curves.survival_figure(tmp_path / "one.png", [found, run(FALL, cycles=2, method="rk4")], "One path")
+    assert path.title == f"Monte Carlo exact, one path, {path.metadata['outcome']}"
+    assert "95 %" not in path._repr_html_()
+    assert path.plot("survival").axes[0].get_legend_handles_labels()[1] == ["Monte Carlo exact, one path"]
+    assert "seed" not in " ".join(tables.result_table(path)[2]).lower()
+    curves.survival_figure(tmp_path / "one.png", [path, run(FALL, cycles=2, method="rk4")], "One path")
 
 
 def test_comparing_paths_knows_no_chance():
@@ -138,12 +138,12 @@ def test_comparing_paths_knows_no_chance():
 
 
 def test_maps_of_one_path_have_no_error_and_no_rate():
-    found = simulate(QUIET, cycles=5)
-    for mapped in (mean_poincare_map(found), restarted_poincare_map(QUIET, cycles=5)):
-        assert np.array_equal(mapped.points[:, 0], found.angle[0])
+    path = simulate(QUIET, cycles=5)
+    for mapped in (mean_poincare_map(path), restarted_poincare_map(QUIET, cycles=5)):
+        assert np.array_equal(mapped.points[:, 0], path.angle[0])
         assert not mapped.standard_error.any()
     with pytest.raises(ValueError, match="ensemble: got 'a deterministic scene', accepted: a scene with noise"):
-        overturning_rate(found, 1)
+        overturning_rate(path, 1)
 
 
 def test_histories_are_judged_by_their_method():

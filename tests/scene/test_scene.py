@@ -83,9 +83,9 @@ SIZE = Dimensions(0.4, 1.7, 9.81)
     "start", [Start(), Start(-0.1, 1e300), Start(0.3, -1 / 3, ((1e-4, -1e-5), (-1e-5, 2e-4)))], ids=str
 )
 def test_toml_form_round_trips_exactly(noise, start, block, angle):
-    whole = Scene(block, Harmonic(1e-5, 2.7, -1.1), noise, start, Overturning(angle))
-    assert Scene.from_toml(whole.to_toml()) == whole
-    assert pickle.loads(pickle.dumps(whole)) == whole
+    complete = Scene(block, Harmonic(1e-5, 2.7, -1.1), noise, start, Overturning(angle))
+    assert Scene.from_toml(complete.to_toml()) == complete
+    assert pickle.loads(pickle.dumps(complete)) == complete
 
 
 def test_the_critical_angle_follows_from_the_dimensions_unless_the_block_is_taken_as_slender():
@@ -104,11 +104,11 @@ def test_the_critical_angle_follows_from_the_dimensions_unless_the_block_is_take
 
 
 def test_changed_dimensions_bring_their_critical_angle():
-    whole = scene(block=Block(0.9, SIZE))
+    sized = scene(block=Block(0.9, SIZE))
     size = Dimensions(0.5, 1.7, 9.81)
-    assert whole.varied(block={"dimensions": size}).block.critical_angle == size.critical_angle
-    assert whole.varied(block={"slender": True}).block.critical_angle == 0.0
-    assert whole.varied(block={"slender": True}).varied(block={"slender": False}) == whole
+    assert sized.varied(block={"dimensions": size}).block.critical_angle == size.critical_angle
+    assert sized.varied(block={"slender": True}).block.critical_angle == 0.0
+    assert sized.varied(block={"slender": True}).varied(block={"slender": False}) == sized
 
 
 def test_overturning_is_refused_where_gravity_turns_a_block_back():

@@ -193,7 +193,7 @@ def test_without_dimensions_there_are_no_units():
         (90, "angle", 0.5 * math.pi), (2, "time", 2),
     ],
 )  # fmt: skip
-def test_quantities(text, kind, value):
+def test_quantities_are_read_in_their_units(text, kind, value):
     assert in_units("x", text, kind) == pytest.approx(value, rel=1e-15)
 
 

@@ -16,8 +16,9 @@ from fpk_rocking.studies import (
     scaled,
     synthetic_records,
 )
-from fpk_rocking.studies.critical import factor_diagnostics, first_scale, overturns
-from fpk_rocking.studies.scenes import motion_names
+from fpk_rocking.studies.critical import factor_diagnostics
+from fpk_rocking.studies.jumps import first_scale, overturns
+from fpk_rocking.studies.motions import motion_names
 from montecarlo import simulate
 
 BLOCK = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")

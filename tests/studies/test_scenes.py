@@ -21,7 +21,8 @@ from fpk_rocking.scene import (
     WhiteNoise,
 )
 from fpk_rocking.studies import grid, intensities, resized, scaled
-from fpk_rocking.studies.scenes import measured, varied
+from fpk_rocking.studies.motions import measured
+from fpk_rocking.studies.scenes import varied
 
 NOISE = {"noise_rms_acceleration": 0.3, "noise_band_hz": (0.0, 5.0)}
 SAMPLES = np.random.default_rng(4).normal(size=60)

@@ -65,7 +65,10 @@ class Force(abc.ABC):
         """Return the force of accelerations multiplied by `strength` and frequencies by `rate`, both above 0."""
 
     def in_units_of(self, level: float) -> "Force":
-        """Return the force divided by a level of |f| at which a block lifts off; `since_lift_off` then is of it."""
+        """Return the force divided by `level`, the |f| at which a block lifts off (nondimensional).
+
+        What a force says of lift-off, as `since_lift_off`, supposes that this is 1.
+        """
         return self if level == 1.0 else self.scaled(1.0 / level, 1.0)
 
     def shifted(self, time: float) -> "Force":

@@ -138,9 +138,9 @@ def _velocity(samples, interval):
 
 
 def _line(samples):
-    """Return the line of least squares through samples (n,), of any unit.
+    """Line of least squares through samples (n,), of any unit: its value at their middle, and its slope per sample.
 
-    It is the value at the middle, the slope a sample, and the places (n,) of the samples, counted from the middle.
+    Third is returned where the samples are, (n,), counted in samples from the middle.
     """
     steps = np.arange(len(samples)) - 0.5 * (len(samples) - 1)
     return float(samples.mean()), float(samples @ steps / (steps @ steps)), steps

@@ -74,9 +74,9 @@ def read(path: pathlib.Path) -> FileRecord:
         kind = _peer if path.suffix.lower() == ".at2" else _esm if text.startswith("EVENT_NAME:") else _columns
         return kind(text)
     except ValueError as error:
-        other = _obspy(path)
-        if other is not None:
-            return other
+        record = _obspy(path)
+        if record is not None:
+            return record
         raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
 
 
@@ -142,8 +142,8 @@ def _peer(text):
     lines = text.splitlines()
     if len(lines) < 5:
         raise ValueError(f"got {len(lines)} lines, accepted: four of header and the samples")
-    said = re.search(r"units\s+of\s+([^\s,;]+)", lines[2], re.IGNORECASE)
-    units = unit_of(said[1]) if said else None
+    stated = re.search(r"units\s+of\s+([^\s,;]+)", lines[2], re.IGNORECASE)
+    units = unit_of(stated[1]) if stated else None
     if units is None:
         raise ValueError(f"got the third line {lines[2][:80]!r}, accepted: one that says 'UNITS OF G', or of cm/s2")
     match = next(filter(None, (header.search(lines[3]) for header in _HEADERS)), None)
@@ -197,8 +197,8 @@ def _esm(text):
     if header["NDATA"] != str(len(words)):
         raise ValueError(f"got {len(words)} samples from line 65 on, accepted: the {header['NDATA']} of its line NDATA")
     _check_count(len(words))
-    said = (header.get(name, "") for name in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STATION_NAME"))
-    return FileRecord(float(interval), _numbers(words), units, _printable(", ".join(filter(None, said))))
+    about = (header.get(name, "") for name in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STATION_NAME"))
+    return FileRecord(float(interval), _numbers(words), units, _printable(", ".join(filter(None, about))))
 
 
 def _columns(text):
@@ -246,9 +246,9 @@ def _places(names):
     `names` is a list of text; None where it does not tell one of each.
     """
     times = [place for place, name in enumerate(names) if re.match(r"t(ime|\b|_)", name, re.IGNORECASE)]
-    found = [place for place, name in enumerate(names) if re.match(r"a(cc|\b|_)", name, re.IGNORECASE)]
-    found = found or [place for place, name in enumerate(names) if place not in times and _unit_in(name)]
-    return (times[0], found[0]) if len(times) == len(found) == 1 else None
+    columns = [place for place, name in enumerate(names) if re.match(r"a(cc|\b|_)", name, re.IGNORECASE)]
+    columns = columns or [place for place, name in enumerate(names) if place not in times and _unit_in(name)]
+    return (times[0], columns[0]) if len(times) == len(columns) == 1 else None
 
 
 def _unit_in(name):

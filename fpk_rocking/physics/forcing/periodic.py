@@ -310,7 +310,7 @@ class Harmonics(PeriodicForcing):
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
 
     def __str__(self):
-        lists = (", ".join(f"{one:g}" for one in values) for values in (self.amplitudes, self.phases))
+        lists = (", ".join(f"{value:g}" for value in values) for values in (self.amplitudes, self.phases))
         return "A_k = {}, Ω = {:g}, Ψ_k = {}".format(*(next(lists), self.frequency, next(lists)))
 
 

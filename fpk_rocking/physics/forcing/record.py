@@ -313,17 +313,9 @@ def _unsized():
 def _samples(value):
     """Return samples, of any sequence, as a tuple of floats, or raise TypeError or ValueError."""
     accepted = f"a list of 2 to {MOST} finite numbers"
-    if isinstance(value, str | bytes):
-        raise TypeError(checks.refusal("forcing.samples", value, accepted))
-    try:
-        array = np.asarray(value)
-    except ValueError:
-        raise TypeError(checks.refusal("forcing.samples", value, accepted)) from None
-    if array.dtype.kind not in "fiu":
-        raise TypeError(checks.refusal("forcing.samples", type(value).__name__, accepted))
+    array = checks.array("forcing.samples", value, accepted)
     if array.ndim != 1 or not 2 <= array.size <= MOST:
         raise ValueError(checks.refusal("forcing.samples", f"an array of shape {array.shape}", accepted))
-    array = array.astype(float)
     wild = np.flatnonzero(~np.isfinite(array))
     if wild.size:
         raise ValueError(checks.refusal(f"forcing.samples[{wild[0]}]", float(array[wild[0]]), accepted))

@@ -1,4 +1,4 @@
-"""From a fragility to an annual frequency: curves over records, hazards, closed forms."""
+"""Studies of risk, in Python and in the shell: files, names of motions, options, added intensities."""
 
 import csv
 import dataclasses
@@ -7,301 +7,15 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
+from suites import SIZE, record
 
-from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene, cli, studies
-from fpk_rocking.results.trust import CAUTION, UNUSABLE
+from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli, studies
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
-from fpk_rocking.studies import drawn, fragility, synthetic_records
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
+from fpk_rocking.studies import fragility, synthetic_records
+from fpk_rocking.studies.motions import intensities
 from fpk_rocking.studies.result import Fragility
-from fpk_rocking.studies.scenes import intensities, intensity_of
 from fpk_rocking.studies.tasks import TASKS
 from montecarlo import histories, simulate
-
-SIZE = Dimensions(0.6, 2.0)
-SCALES = np.geomspace(0.1, 3.0, 12)
-
-
-def curve_of(median=0.7, spread=0.4, records=1, replicates=None):
-    """Make a curve whose points lie on a lognormal one."""
-    fit = LognormalFit(median, spread, misfit=0.0)
-    share = fit(SCALES)
-    limits = np.stack([0.9 * share, np.minimum(1.0, 1.1 * share)], axis=-1)
-    own = np.empty((0, 2)) if replicates is None else np.asarray(replicates, float)
-    return IntensityCurve("overturned", "PGV", SCALES, share, limits, fit, own, records, units=records)
-
-
-@pytest.mark.parametrize("median", [0.05, 0.7, 20.0])
-@pytest.mark.parametrize("spread", [0.05, 0.4, 1.2])
-@pytest.mark.parametrize("exponent", [0.5, 2.0, 6.0])
-def test_the_frequency_of_a_lognormal_curve_under_a_power_law_is_the_closed_form(median, spread, exponent):
-    risk = annual_frequency(curve_of(median, spread), Hazard.power_law(3e-4, exponent))
-    exact = 3e-4 * median**-exponent * math.exp(0.5 * (exponent * spread) ** 2)
-    assert risk.rate == pytest.approx(exact, rel=1e-10)
-    assert risk.return_period == pytest.approx(1.0 / exact, rel=1e-10)
-    assert risk.probability(10.0) == pytest.approx(1.0 - math.exp(-10.0 * exact), rel=1e-9)
-    assert risk.contribution.sum() == pytest.approx(0.999, abs=1e-3)
-
-
-def test_the_frequency_is_that_of_sampled_intensities():
-    """A bent hazard, by 200,000 intensities drawn from it: 4 standard errors, false alarm 6e-5."""
-    hazard = Hazard([0.1, 0.3, 1.0, 3.0], [1e-1, 2e-2, 1e-3, 1e-5])
-    curve, rng = curve_of(0.8, 0.5), np.random.default_rng(1)
-    rates = hazard(0.02) * (1.0 - rng.random(200_000))
-    # The inverse of the hazard, piecewise linear in logarithms and going on beyond its points.
-    grid = np.geomspace(0.02, 50.0, 40_001)
-    drawn = np.exp(np.interp(-np.log(rates), -np.log(hazard(grid)), np.log(grid)))
-    values = hazard(0.02) * curve(drawn)
-    risk = annual_frequency(curve, hazard)
-    assert abs(values.mean() - risk.rate) < 4.0 * values.std() / math.sqrt(values.size)
-    middle, lost = np.sqrt(grid[1:] * grid[:-1]), -np.diff(hazard(grid))
-    shares = np.histogram(middle, risk.edges, weights=lost * curve(middle))[0] / risk.rate
-    assert np.abs(shares - risk.contribution).max() < 1e-3  # the points of the hazard lie inside bins
-
-
-def test_a_curve_of_points_is_joined_by_lines_in_the_logarithm():
-    curve = curve_of()
-    points = IntensityCurve(**{**vars(curve), "fit": LognormalFit(reason="none")})
-    hazard = Hazard.power_law(1e-3, 2.0)
-    grid = np.linspace(math.log(SCALES[0]) - 7.0, math.log(SCALES[-1]) + 20.0, 2_000_001)
-    middle = 0.5 * (grid[1:] + grid[:-1])
-    rates = hazard(np.exp(grid))
-    for side, found in ((curve.probability, "rate"), (curve.interval[:, 0], 0), (curve.interval[:, 1], 1)):
-        joined = np.interp(middle, np.log(SCALES), side)
-        below = stats.norm.cdf(stats.norm.ppf(side[0]) + (middle - math.log(SCALES[0])) / 0.5)
-        shares = np.where(middle < math.log(SCALES[0]), below, joined) * -np.diff(rates)
-        direct = shares.sum()
-        risk = annual_frequency(points, hazard)
-        if found == "rate":
-            assert risk.below_curve == pytest.approx(shares[middle < math.log(SCALES[0])].sum() / direct, rel=1e-4)
-            assert f"fragility give {100 * risk.below_curve:.2g} % of the rate." in risk.sentences[0]
-        assert (risk.rate if found == "rate" else risk.interval[found]) == pytest.approx(direct, rel=1e-6)
-
-
-def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
-    replicates = [(0.7 * math.exp(0.1 * z), 0.4) for z in np.linspace(-1.0, 1.0, 41)]
-    risk = annual_frequency(curve_of(replicates=replicates), Hazard([0.5, 2.0], [4e-3, 2.5e-4]))
-    assert risk.interval == pytest.approx([risk.rate * math.exp(0.2 * z) for z in (-0.95, 0.95)], rel=1e-9)
-    assert risk.beyond_hazard > 0.2
-    assert risk.sentences[0].startswith(
-        "annual rate of overturning = 2.81e-3 (95 %: 2.32e-3 to 3.40e-3): return period"
-    )
-    assert any(
-        "beyond the points of the hazard curve, where its last power law goes on: " in one for one in risk.sentences
-    )
-    points = annual_frequency(
-        dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
-    )
-    assert "upper limits, which is wider than the limits of a fit" in points.sentences[0]
-    assert "the fragility, where a lognormal curve of dispersion 0.5 goes on below, the last " in points.sentences[1]
-    assert [diagnostic.kind for diagnostic in risk.diagnostics][:1] == ["the hazard curve"]
-    assert risk.relative_error == pytest.approx(math.log(risk.interval[1] / risk.interval[0]) / (2 * 1.96))
-    wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
-    assert wide.beyond_hazard < 1e-6
-    assert wide.beyond_curve < 0.05
-    assert len(wide.sentences) == 1
-    assert wide.rate == pytest.approx(risk.rate, rel=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("measure", "factor", "unit", "own"),
-    [("PGV", 100.0, "cm/s", "m/s"), ("PGA", 9.80665, "m/s²", "g"), ("PGA", 980.665, "cm/s²", "g")],
-)
-def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_is_named(measure, factor, unit, own):
-    """The hazard of .003 to 6 of the right unit in a file of another one; then one that none explains."""
-    curve = dataclasses.replace(
-        curve_of(0.7 if factor < 10.0 else 0.3, 0.3, replicates=[(0.7, 0.3)] * 9), measure=measure
-    )
-    meant = Hazard(np.geomspace(0.02, 6.0, 20), np.geomspace(1e-1, 1e-6, 20))
-    assert annual_frequency(curve, meant).diagnostics == []
-    least = 0.02 if factor > 50.0 else 0.3
-    given = factor * np.geomspace(least, 6.0, 20)
-    ((severity, message, *_),) = annual_frequency(curve, Hazard(given, meant.rate)).diagnostics
-    assert severity == UNUSABLE
-    assert f"Are the intensities of the hazard in {unit}? They were read in {own}, as {given[0]:.4g} to" in message
-    assert message.endswith(f"in {unit} they are {least:.4g} to 6 {own}.")
-    far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).diagnostics[0]
-    assert (far.severity, far.message.endswith("goes on: give more of them.")) == (UNUSABLE, True)
-    share = annual_frequency(curve, Hazard([0.71 * curve.fit.median, 6.0], [1e-2, 1e-5]))
-    assert 0.05 < share.beyond_hazard < 0.5
-    assert [one.severity for one in share.diagnostics] == [CAUTION]
-
-
-def test_a_power_law_holds_at_all_intensities():
-    """It says so by having no points that anything lies beyond, and by its law as a text."""
-    law = Hazard.power_law(2e-3, 2.5)
-    assert annual_frequency(curve_of(0.05, 0.3), law).beyond_hazard < 1e-6
-    assert law.law == "0.002 im^-2.5"
-    assert Hazard([0.1, 1.0, 3.0], [1e-2, 1e-3, 1e-4]).law == ""
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["im,rate\n0.1,1e-2\n1,1e-4\n", "# g\n0.1;1e-2\n\n1;1e-4", "0.1\t0.01\n1\t0.0001\n", "0.1 1e-2\n1 1e-4"],
-    ids=["comma", "semicolon", "tab", "blank"],
-)
-def test_hazards_are_read_from_two_columns(tmp_path, text):
-    file = tmp_path / "h.csv"
-    file.write_text(text)
-    assert Hazard.from_csv(file)(0.3) == pytest.approx(1e-2 * 3.0**-2.0, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "got no numbers"),
-        ("0.1,1e-2\nx,1\n", "line 2: got 'x,1'"),
-        ("0.1,1e-2\n1\n", "line 2: got '1'"),
-        ("0.1,1e-2,3\n", "got no numbers"),
-        ("0.1,1e-2\n0.1,1e-3\n", r"hazard\.intensity\[1\]: got 0\.1, accepted: values that rise"),
-        ("0.1,1e-2\n0.2,1e-2\n", r"hazard\.rate\[1\]: got 0\.01, accepted: values that fall"),
-        ("0.1,1e-2\n0.2,-1\n", r"hazard\.rate: got"),
-        ("0.1,1e-2\n", r"hazard\.intensity: got"),
-    ],
-)
-def test_what_is_no_hazard_is_refused_by_name(tmp_path, text, said):
-    file = tmp_path / "h.csv"
-    file.write_text(text)
-    with pytest.raises(ValueError, match=said):
-        Hazard.from_csv(file)
-
-
-def record(seed):
-    """Make a noisy record of a strength of its own."""
-    time, rng = np.arange(0.0, 6.0, 0.02), np.random.default_rng(seed)
-    waves = np.sin(2.0 * np.pi * np.outer(time, rng.uniform(0.5, 4.0, 6)) + rng.uniform(0.0, 6.0, 6)).sum(axis=1)
-    return Record(0.02, rng.uniform(0.5, 2.0) * waves * np.exp(-(((time - 2.5) / 1.5) ** 2)), "m/s2", 1.0)
-
-
-def test_scenes_at_an_intensity_have_it():
-    scene = Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 10.0), 30))
-    for measure, field, unit in (("PGA", "pga", 9.80665), ("PGV", "pgv", 1.0)):
-        there = at_intensity(scene, measure, 0.4)
-        assert getattr(intensities(there), field) == pytest.approx(0.4 * unit, rel=1e-12)
-        assert intensity_of(there, measure) == pytest.approx(0.4, rel=1e-12)
-        factor = 0.4 / intensity_of(scene, measure)
-        assert there.noise.variance == pytest.approx(0.01 * factor**2, rel=1e-12)
-        assert at_intensity(scene, measure, 0.4, noise=False).noise == scene.noise
-    with pytest.raises(ValueError, match=r"^measure: got 'PGD', accepted: 'PGA', 'PGV'"):
-        at_intensity(scene, "PGD")
-    with pytest.raises(ValueError, match=r"^scene: got .* a block with dimensions"):
-        at_intensity(Scene(Block(0.9), Harmonic(1.0, 2.0), NoNoise()))
-
-
-def made(shares, scenes, realizations):
-    """Make the fragility of some scenes with given probabilities (m, n)."""
-    shares = np.asarray(shares, float)[:, None]
-    return Fragility(
-        tuple(scenes), "scene", np.arange(len(scenes)), np.empty(0), SCALES, shares, np.full(shares.shape, np.nan),
-        "exact", realizations, True, {}, "", {}, 0.0,
-    )  # fmt: skip
-
-
-def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():
-    """Medians of 60 records with β_R = .4, curves of β_N = .3: total .5; 4 standard errors of 60, false alarm 1e-4."""
-    medians = np.exp(0.4 * np.random.default_rng(3).standard_normal(60))
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9))) for n in range(60)]
-    shares = [LognormalFit(m, 0.3)(SCALES) for m in medians]
-    curve = IntensityCurve.of(made(shares, scenes, 1_000_000), "PGV", samples=400)
-    noise, between = curve.sources["noise"], curve.sources["record to record"]
-    assert noise == pytest.approx(0.3, abs=0.003)
-    assert between == pytest.approx(np.log(medians).std(), abs=0.02)
-    assert curve.fit.dispersion == pytest.approx(math.hypot(noise, between), rel=1e-12)
-    assert curve.source_errors["record to record"] == pytest.approx(0.4 / math.sqrt(2 * 59), rel=0.3)
-    assert curve.fit.median == pytest.approx(np.exp(np.log(medians).mean()), rel=0.03)
-    low, high = curve.fit.median_interval
-    assert math.log(high / low) == pytest.approx(2 * 1.96 * 0.4 / math.sqrt(60), rel=0.25)
-    assert np.all((curve.interval[:, 0] <= curve.probability) & (curve.probability <= curve.interval[:, 1]))
-
-
-def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
-    """80 records of β_R = .3 with 4 blocks each of β_j = .25, noise .2: 4 standard errors of 80, false alarm 1e-4.
-
-    Blocks under one record are no motions of their own: the interval is wider than that of 320 motions.
-    """
-    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))
-    rng = np.random.default_rng(8)
-    draws = drawn([scene] * 80, {"block.restitution": "normal:0.9:0.01"}, 4)
-    scores = (np.array(draws.values["block.restitution"]) - 0.9) / 0.01
-    medians = 0.7 * np.exp(0.3 * np.repeat(rng.standard_normal(80), 4) - 0.25 * scores)
-    shares = [LognormalFit(m, 0.2)(SCALES) for m in medians]
-    curve = IntensityCurve.of(made(shares, draws.scenes, 1_000_000), "PGV", draws=draws, samples=400)
-    assert (curve.records, list(curve.sources)) == (80, ["noise", "block.restitution", "record to record"])
-    assert curve.sources["noise"] == pytest.approx(0.2, abs=0.01)
-    assert curve.sources["block.restitution"] == pytest.approx(0.25, abs=0.02)
-    assert curve.source_errors["block.restitution"] < 0.01  # the medians are nothing but the value and the record
-    assert curve.sources["record to record"] == pytest.approx(0.3, abs=0.1)
-    total = math.sqrt(sum(value**2 for value in curve.sources.values()))
-    assert total == pytest.approx(curve.fit.dispersion, rel=1e-12)
-    low, high = curve.fit.median_interval
-    assert math.log(high / low) == pytest.approx(2 * 1.96 * math.hypot(0.3, 0.125) / math.sqrt(80), rel=0.3)
-    one = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
-    alone = IntensityCurve.of(made(shares, one.scenes, 1_000_000), "PGV", draws=one, samples=200)
-    assert alone.records == 1
-    assert list(alone.sources) == ["noise", "block.restitution"]
-    assert math.log(alone.fit.median_interval[1] / alone.fit.median_interval[0]) < 0.9 * math.log(high / low)
-
-
-def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
-    """Two groups of motions, 8 and 12: Clopper and Pearson's for 20, by an independent function."""
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 20
-    shares = [(one < SCALES).astype(float) for one in [0.2] * 8 + [2.0] * 12]
-    curve = IntensityCurve.of(made(shares, scenes, 1), "PGV")
-    assert curve.fit.rejected
-    assert curve.fit.rejected.endswith("below 0.05")
-    for share, limits in zip(curve.probability, curve.interval, strict=True):
-        proper = stats.binomtest(round(20 * share), 20).proportion_ci(method="exact")
-        assert limits == pytest.approx((proper.low, proper.high), abs=1e-9)
-    assert np.array_equal(curve(SCALES), curve.probability)
-
-
-def test_where_nothing_overturns_the_upper_limits_are_above_zero():
-    """None of 8 motions, without noise: .369 at each intensity, and a rate below that of such a curve."""
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 8
-    curve = IntensityCurve.of(made(np.zeros((8, 12)), scenes, 1), "PGV")
-    upper = stats.binomtest(0, 8).proportion_ci(method="exact").high
-    assert curve.interval == pytest.approx(np.tile([0.0, upper], (12, 1)))
-    risk = annual_frequency(curve, Hazard.power_law(1e-3, 2.0))
-    grid = np.linspace(-12.0, 12.0, 400_001)
-    law = np.where(grid < 0.0, stats.norm.cdf(stats.norm.ppf(upper) + grid / 0.5), upper)
-    wanted = np.trapezoid(law * 2e-3 * np.exp(-2.0 * (grid + math.log(SCALES[0]))), grid)
-    assert (risk.rate, *risk.interval) == pytest.approx((0.0, 0.0, wanted), rel=1e-4)
-    assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
-        "e-0", "e-"
-    )
-
-
-def test_one_scene_has_the_limits_of_its_sample():
-    scene = at_intensity(Scene(Block(0.9, SIZE), Pulse("one-sine", 2.0, 4.0), BandNoise(0.05, (0.0, 10.0), 30)), "PGV")
-    found = fragility(scene, scale=np.geomspace(0.4, 2.5, 8), realizations=300)
-    curve = IntensityCurve.of(found, "PGV")
-    assert np.array_equal(curve.probability, found.overturned[0])
-    assert np.array_equal(curve.intensity, found.scale * intensity_of(scene, "PGV"))
-    direct = fit_lognormal(curve.intensity, curve.probability, 300)
-    assert curve.fit.median == pytest.approx(direct.median, rel=1e-9)
-    # Two ways to the same interval: information, and counts drawn from the curve.
-    for mine, other in zip(curve.fit.median_interval, direct.median_interval, strict=True):
-        assert math.log(mine / direct.median) == pytest.approx(math.log(other / direct.median), rel=0.15)
-    assert curve.records == 1
-    assert curve.sources == {"noise": curve.fit.dispersion}
-
-
-def test_what_is_no_suite_is_refused_by_name():
-    scenes = [Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9)) for n in range(6)]
-    shares = [curve_of().probability] * 6
-    with pytest.raises(ValueError, match=r"PGV of the scenes at scale 1: got .*at_intensity"):
-        IntensityCurve.of(made(shares, scenes, 100), "PGV")
-    equal = [at_intensity(scene) for scene in scenes]
-    sizes = dataclasses.replace(made(shares, equal, 100), axis="size")
-    with pytest.raises(ValueError, match=r"fragility: got .* of one scene, or of a list of scenes"):
-        IntensityCurve.of(sizes, "PGV")
-    shares = np.array(shares)
-    shares[2, 3] = np.nan
-    curve = IntensityCurve.of(made(shares, equal, 100), "PGV")
-    assert curve.intensity == pytest.approx(np.delete(SCALES, 3), rel=1e-12)
-    with pytest.raises(ValueError, match="got no scale at which all scenes have a probability"):
-        IntensityCurve.of(made(np.full(shares.shape, np.nan), equal, 100), "PGV")
 
 
 def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
@@ -366,7 +80,8 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     assert "<p>Return period " in visible
     assert "[block.dimensions]" in visible
     assert "[forcing]" not in visible
-    for (low, high), share in zip(values["curve"]["interval"], values["curve"]["probability"], strict=True):
+    rows = zip(*(values["curve"][name] for name in ("low", "high", "probability")), strict=True)
+    for low, high, share in rows:
         assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
     assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
     assert cli.main([*arguments, "--measure", "PGD"]) == 2
@@ -481,7 +196,7 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
         (name, share) for name, shares in zip(names, found.overturned.tolist(), strict=True) for share in shares
     ]
     for name in names:
-        assert f"{name}: PGA " in out
+        assert f"{name}: at scale 1 PGA " in out
     # What is looked at is the curve over both; 3 rows in the terminal and in the report.
     values = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert values["pooled"]["probability"] == pytest.approx(found.overturned.mean(axis=0))

@@ -1,4 +1,4 @@
-"""What one looks at: mean Poincaré maps, first passages, impact speeds, errors of bins."""
+"""Mean Poincaré maps, and the statistics of first passages, impact speeds and bins."""
 
 import dataclasses
 import math
@@ -108,10 +108,10 @@ def test_noise_goes_on_through_a_restart(scene):
 )
 def test_the_mean_of_few_states_and_its_standard_error(angles, rule, mean, error, counted):
     angle, velocity, side = np.array(angles), np.array([0.0, 1.0]), np.array([0, -1])
-    found = poincare._mean(angle, velocity, side, 1.5, rule)
-    assert found[0] == pytest.approx(mean, nan_ok=True)
-    assert found[1] == pytest.approx(error, nan_ok=True)
-    assert found[2] == counted
+    estimate = poincare._mean(angle, velocity, side, 1.5, rule)
+    assert estimate[0] == pytest.approx(mean, nan_ok=True)
+    assert estimate[1] == pytest.approx(error, nan_ok=True)
+    assert estimate[2] == counted
 
 
 def test_restart_ends_where_all_have_overturned():
@@ -175,10 +175,10 @@ def test_impacts_that_repeat_each_other_tell_nothing_new():
 
 def test_an_empty_bin_has_an_interval():
     run = histories(MAIN, cycles=1, realizations=20, samples_per_cycle=1)
-    found = impact_speeds(run, [50.0, 51.0, 53.0])
-    assert found.counts.tolist() == [0, 0]
+    speeds = impact_speeds(run, [50.0, 51.0, 53.0])
+    assert speeds.counts.tolist() == [0, 0]
     z = 1.959963984540054
-    assert found.interval == pytest.approx(np.array([[0.0, 1.0], [0.0, 0.5]]) * z * z / (20 + z * z))
+    assert speeds.interval == pytest.approx(np.array([[0.0, 1.0], [0.0, 0.5]]) * z * z / (20 + z * z))
 
 
 def test_bin_errors_are_the_binomial_ones():

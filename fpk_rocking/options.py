@@ -1,0 +1,261 @@
+"""Options of the command line: their names and help, and what their texts stand for."""
+
+import argparse
+import pathlib
+import re
+import sys
+import tomllib
+from typing import Any
+
+from fpk_rocking import console
+
+DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
+
+
+EXAMPLES = """\
+a scene is a TOML file, or the name of a scene of the package: main, second, fig05, second_harmonic, rest, record
+
+examples:
+  fpk-rocking probability rack.toml --cycles 10 --tol 0.002
+      the probability that the block overturns, to the wanted error, by the engine that gets there soonest
+  fpk-rocking fpk main
+      probability density by finite elements, 40 forcing cycles
+  fpk-rocking mc main --realizations 20000 --seed 7
+      Monte Carlo of the same scene
+  fpk-rocking mc main --realizations 10000000 --tally --checkpoint results/main/tally.npz
+      an ensemble larger than memory; once stopped, the same command goes on from the file
+  fpk-rocking compare main --cycles 10 --out results/main
+      both, side by side; keeps results, a figure and a summary
+  fpk-rocking compare results/main/density.npz results/main/ensemble.npz
+      two saved results
+  fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
+      probability of overturning against the scale of the shaking, with a lognormal fit
+  fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --intensities 0.1:3:12 --out results/risk
+      annual rate of overturning, with curves that OpenQuake and pelicun read
+  fpk-rocking fpk main --json > survival.json
+      one JSON object instead of a table
+  fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
+      numbers, verdict and densities as one file for the browser
+
+fpk-rocking COMMAND --help lists the options of a command
+"""
+DENSITY = "--tol --bins-tol --noise-replacement --no-check"
+
+
+SAMPLE = "--realizations --seed --method --steps-per-cycle --tally --checkpoint"
+
+
+_OPTIONS = """
+scene SCENE             scene file (TOML), or the name of a scene of the package
+scenes SCENE+           scene file (TOML), or the name of a scene of the package; several give a curve each
+inputs FILE+            a scene (file or name) to solve by both engines, or two saved results (.npz)
+--set KEY=VALUE*        value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3
+                        g'; may be repeated
+--cycles N:int          forcing cycles (default 40)
+--times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its
+                        end)
+--out DIR:path          folder for files
+--report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
+--json                  print one JSON object instead of a table
+--tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
+                        fragility 0.01)
+--rtol X:float          wanted error in parts of the probability; with --tol too, the larger error is enough
+--limit S:float         seconds that it may take; what is predicted to take longer is refused (default 600)
+--bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
+                        for a pulse or a record, and with inf: any)
+--noise-replacement NAME  what replaces band noise in the density solver: white (default), or filtered, which lets
+                        blocks rest
+--no-check              where the density solver replaces noise, do not sample the noise of the scene beside it
+--realizations N:int    number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing
+                        is random)
+--seed N:int            seed of the random numbers (default 1)
+--method NAME           for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other
+                        noise by white noise; filtered, which replaces band noise by low-pass noise (default: exact,
+                        white or filtered, whichever fits the noise)
+--steps-per-cycle N:int  time steps in a forcing cycle (default 200; the method exact takes none)
+--tally                 keep survival, histograms and moments alone, which takes little memory for any number of paths
+--checkpoint FILE:path  with --tally: file that keeps the state of the run; where it exists, the run goes on from it
+--scales LIST           factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
+--pga LIST              in place of --scales: peak accelerations in g of the shaking without noise; the column scale is
+                        then the PGA
+--pgv LIST              likewise: peak velocities in m/s
+--engine NAME           exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the
+                        noise)
+--levels LIST           also compute the probability of reaching the angles A,B,C, in units of the critical angle
+--over NAME=LIST        a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2
+--keep-noise            scale the motion alone and keep the noise as it is
+--uncertain NAME=DIST*  distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a
+                        name of the scene file such as block.restitution, each in its own unit; NAME_factor is a
+                        multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
+                        lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
+                        repeated
+--blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; of one record 5 or
+                        more)
+--workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
+--store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
+--records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise, and needs no
+                        forcing
+--synthetic N:int       in place of records: as many synthetic motions on firm ground
+--hazard FILE|K0:K      file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard
+                        K0 im^-K; without one there is a curve and no rate
+--intensities LIST!     intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
+--measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
+--units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
+--baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
+                        high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
+--corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
+--name NAME             identifier of the block in the exported files (default rocking_block)
+"""
+"""Every argument of the command line: name, what stands for its value with the type, and help.
+
+Without what stands for a value it is a switch. After it, + means one value or more, * that the option may be repeated,
+! that it is required.
+"""
+
+
+_REPLACED = {"amplitude": 1.0, "frequency": 1.0}
+"""Table [forcing] of a scene whose forcing recorded motions replace."""
+
+
+def arguments_by_name():
+    """Return a dict of keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
+    arguments: dict[str, dict[str, Any]] = {}
+    types = {"int": int, "float": float, "path": pathlib.Path, "": None}
+    marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "!": {"required": True}, "": {}}
+    for entry in re.split(r"\n(?=\S)", _OPTIONS.strip()):
+        head, text = re.split(r"\s{2,}", entry, maxsplit=1)
+        name, _, form = head.partition(" ")
+        metavar, kind, mark = re.fullmatch(r"(.*?)(?::(int|float|path))?([+*!]?)", form).groups("")
+        own = {"metavar": metavar, "type": types[kind]} if form else {"action": "store_true", "default": None}
+        arguments[name] = {"help": " ".join(text.split())} | own | marks[mark]
+    return arguments
+
+
+class Parser(argparse.ArgumentParser):
+    """Refuses bad input in one line, as the rest of the command line does."""
+
+    def error(self, message):
+        """Exit with status 2 and a message (text) in one line."""
+        self.exit(2, f"{self.prog}: {console.line(message)}\n")
+
+
+class Version(argparse.Action):
+    """Prints the version, which is looked up only then."""
+
+    def __call__(self, parser, *_):
+        """Print it, and end with status 0."""
+        from importlib.metadata import version
+
+        sys.stdout.write(f"fpk-rocking {version('fpk-rocking')}\n")
+        parser.exit(0)
+
+
+def hazard_of(text):
+    """Return the `Hazard` of a text K0:K, or the text itself where it is the name of a file."""
+    from fpk_rocking.risk.hazard import Hazard
+
+    rate, colon, exponent = text.partition(":")
+    try:
+        return Hazard.power_law(float(rate), float(exponent)) if colon else text
+    except ValueError as error:
+        if pathlib.Path(text).exists():
+            return text
+        raise ValueError(f"--hazard: got {text!r}, accepted: a file, or K0:K ({error})") from None
+
+
+def distributions(options):
+    """Return the distributions of --uncertain in the parsed `options`, as texts by the names of the values."""
+    laws = {}
+    for text in options.uncertain or ():
+        name, equals, law = text.partition("=")
+        if not (equals and name):
+            raise ValueError(f"--uncertain: got {text!r}, accepted: NAME=DIST, as in size_factor=lognormal:1:0.05")
+        laws[name] = law
+    if options.blocks is not None and not laws:
+        raise ValueError(f"--blocks: got {options.blocks}, accepted: together with --uncertain")
+    return laws
+
+
+def numbers(name, text):
+    """Return the list of numbers of a text A,B,C or LOW:HIGH:COUNT; the latter are spaced evenly in their logarithm.
+
+    `name` is that of the option, for the message that refuses the text.
+    """
+    parts = text.split(":")
+    try:
+        if len(parts) == 1:
+            return [float(number) for number in text.split(",")]
+        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        if len(parts) == 3 and 0.0 < low < high < float("inf") and 2 <= count <= 10_000:
+            return [low * (high / low) ** (k / (count - 1)) for k in range(count)]
+    except (ValueError, IndexError):
+        pass
+    accepted = "numbers A,B,C, or LOW:HIGH:COUNT with 0 < LOW < HIGH and COUNT from 2 to 10,000"
+    raise ValueError(f"{name}: got {text!r}, accepted: {accepted}")
+
+
+def scene_of(options, path):
+    """Return the `Scene` of a file at a path, or of the package, with the changes of --set in the parsed `options`."""
+    from fpk_rocking.scene.scene import load_scene
+
+    if path.endswith(".npz"):
+        raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
+    changes = dict(map(_setting, options.set or ()))
+    if getattr(options, "records", None) or getattr(options, "synthetic", None):
+        # What the motions replace is not read: neither a file that is missing nor a table that is.
+        changes = {"forcing": _REPLACED} | {name: value for name, value in changes.items() if name[:7] != "forcing"}
+    return load_scene(path, changes)
+
+
+def _setting(text):
+    """Return the name and the value of a text KEY=VALUE; a value that is not TOML is a text."""
+    name, equals, value = text.partition("=")
+    if not (equals and name.strip()):
+        raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
+    try:
+        return name.strip(), tomllib.loads(f"value = {value}")["value"]
+    except ValueError:
+        return name.strip(), value.strip()
+
+
+def rows_of(options, scene):
+    """Return the cycles or the times of the parsed `options`, or the default ones for a scene, as a dict."""
+    return passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
+
+
+def passed(options, *names):
+    """Return those of some parsed `options` that were passed, their values by name, as a dict."""
+    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+
+
+def scenes_at_scales(options, scenes):
+    """Return scenes (a list) as they are at scale 1, an intensity of 1 with --pga or --pgv, and the scales (a list).
+
+    `options` are the parsed arguments.
+    """
+    from fpk_rocking.studies.motions import at_intensity
+
+    lists = passed(options, "scales", "pga", "pgv")
+    if len(lists) != 1:
+        raise ValueError(
+            f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga or --pgv in its place"
+        )
+    ((measure, text),) = lists.items()
+    if measure != "scales":
+        scenes = [at_intensity(scene, measure.upper(), noise=not options.keep_noise) for scene in scenes]
+    return scenes, numbers(f"--{measure}", text)
+
+
+def shaken_scenes(options):
+    """List of the scenes that the parsed `options` name, or of the one scene under each of the records named there."""
+    from fpk_rocking.studies.motions import recorded_scenes
+
+    scenes = [scene_of(options, path) for path in options.scenes]
+    if options.records and len(scenes) > 1:
+        raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
+    if options.units and not options.records:
+        raise ValueError(f"--units: got {options.units!r}, accepted: together with --records")
+    corrections = passed(options, "units", "baseline", "corner_hz")
+    if not (options.records or corrections):
+        return scenes
+    return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **corrections)]

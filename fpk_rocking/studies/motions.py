@@ -1,0 +1,285 @@
+"""Motions of a study: records under which a scene is placed, how strong each is, and its name."""
+
+import dataclasses
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array, File
+from fpk_rocking.physics.forcing import Forcing, Record
+from fpk_rocking.physics.forcing.files import unit_of
+from fpk_rocking.physics.forcing.record import check_baseline
+from fpk_rocking.results.remarks import drifting
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.studies.scenes import scaled
+
+
+class Intensities(NamedTuple):
+    """Intensity measures of the forcing of a scene, without its noise.
+
+    Parameters
+    ----------
+    acceleration : float
+        Largest |f|: the peak ground acceleration over g θ_cr.
+    velocity : float
+        Largest |∫f dτ|: the peak ground velocity over g θ_cr / p.
+    pga, pgv : float
+        Peak ground acceleration, m/s², and velocity, m/s; nan for a block without dimensions.
+    relative_velocity : float
+        p PGV / (g tan θ_cr) (E. G. Dimitrakopoulos, T. S. Paraskeva, "Dimensionless fragility curves for rocking
+        response to near-fault excitations", Earthquake Eng. Struct. Dyn. 44(12), 2015-2033, 2015). A block without
+        dimensions counts as slender, tan θ_cr = θ_cr.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.studies import intensities
+    >>> motion = intensities(load_scene("main"))
+    >>> print(motion.acceleration, f"{motion.velocity:.3f}", motion.pga)
+    4.6 1.704 nan
+    """
+
+    acceleration: float
+    velocity: float
+    pga: float
+    pgv: float
+    relative_velocity: float
+
+    def columns(self, scale: float) -> dict[str, float]:
+        """Return the measures at a scale by names that say their units, for tables."""
+        return {
+            "acceleration": scale * self.acceleration,
+            "velocity": scale * self.velocity,
+            "pga_g": scale * self.pga / STANDARD_GRAVITY,
+            "pgv_m_per_s": scale * self.pgv,
+            "relative_velocity": scale * self.relative_velocity,
+        }
+
+    def at(self, scale: float) -> str:
+        """Return peak acceleration and velocity at a scale as a text; empty for a block without dimensions."""
+        peaks = {"PGA {:.4g} g": self.pga / STANDARD_GRAVITY, "PGV {:.4g} m/s": self.pgv}
+        return ", ".join(text.format(scale * value) for text, value in peaks.items() if math.isfinite(value))
+
+
+def intensities(scene: Scene) -> Intensities:
+    """Return the intensity measures of a scene's forcing, with a warning where the velocity is that of a drift.
+
+    The ground velocity of a periodic forcing has mean 0; that of a pulse or a record is 0 at τ = 0.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its forcing is measured; block dimensions give the measures with units.
+
+    Returns
+    -------
+    Intensities
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.studies import intensities
+    >>> motion = intensities(Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"))
+    >>> print(f"PGA {motion.pga:.2f} m/s², PGV {motion.pgv:.2f} m/s")
+    PGA 2.94 m/s², PGV 0.31 m/s
+    """
+    checks.instance("scene", scene, Scene)
+    for diagnostic in drifting(scene.forcing):
+        warnings.warn(diagnostic.message, stacklevel=2)
+    return measured(scene)
+
+
+def measured(scene: Scene) -> Intensities:
+    """Return the intensity measures of a scene's forcing without a warning, for results that have their verdict."""
+    forcing, size = scene.forcing, scene.block.size
+    acceleration, velocity = forcing.largest, forcing.largest_velocity
+    if size is None:
+        return Intensities(acceleration, velocity, math.nan, math.nan, velocity)
+    unit = size.gravity * size.critical_angle
+    pgv = velocity * unit / size.frequency_parameter
+    relative = velocity * size.critical_angle / math.tan(size.critical_angle)
+    return Intensities(acceleration, velocity, acceleration * unit, pgv, relative)
+
+
+class Measure(NamedTuple):
+    """An intensity of the ground motion: its name in `Intensities`, its unit, and that in SI."""
+
+    field: str
+    unit: str
+    si: float
+
+
+MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", "m/s", 1.0)}
+"""Intensities that a curve may be for: peak ground acceleration in g, peak ground velocity in m/s."""
+
+
+def measure_of(name: str) -> Measure:
+    """Return field, unit and factor of the intensity "PGA" or "PGV", or refuse another name."""
+    if name not in MEASURES:
+        raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
+    return MEASURES[name]
+
+
+def intensity_of(scene: Scene, measure: str) -> float:
+    """Return the peak ground acceleration or velocity of a scene's forcing.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s).
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+    """
+    chosen = measure_of(measure)
+    peak = getattr(measured(checks.instance("scene", scene, Scene)), chosen.field) / chosen.si
+    if not peak > 0.0:
+        why = "a scene of a block with dimensions and a forcing that is not 0"
+        raise ValueError(checks.refusal("scene", scene, why))
+    return peak
+
+
+def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
+    """Return a scene whose forcing is scaled to an intensity.
+
+    With the default value, the scales of `fpk_rocking.studies.fragility` of such scenes are the intensity itself: all
+    records of a suite are then compared at equal intensities (stripes).
+
+    Parameters
+    ----------
+    scene : Scene
+        Of a block with dimensions.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s), of the forcing without the noise.
+    value : float
+        Intensity, in its unit, above 0.
+    noise : bool
+        Whether the noise is scaled too.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ValueError
+        The measure is unknown, the block has no dimensions, or the forcing is 0.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from fpk_rocking.risk import at_intensity
+    >>> from fpk_rocking.studies import intensities
+    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    >>> print(f"{intensities(at_intensity(rack, 'PGV', 0.5)).pgv:.2f} m/s")
+    0.50 m/s
+    """
+    value = checks.number("value", value, above=0.0)
+    return scaled(scene, value / intensity_of(scene, measure), noise=noise)
+
+
+def recorded_scenes(
+    scene: Scene,
+    records: Sequence[Forcing | File],
+    *,
+    units: str | None = None,
+    baseline: str | None = None,
+    corner_hz: float | None = None,
+) -> list[Scene]:
+    """Return a scene under each of several motions.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its forcing is replaced; it stays where there are no motions.
+    records : sequence of Record, str or pathlib.Path
+        Motions, or files that `Record.from_file` reads.
+    units : str, optional
+        Unit of the records where their files do not say it.
+    baseline : {"none", "mean", "linear", "high-pass"}, optional
+        Correction of all records, that of the scene included; by default each keeps its own.
+    corner_hz : float, optional
+        Corner of the correction "high-pass", Hz; by default each keeps its own.
+
+    Returns
+    -------
+    list of Scene
+
+    Raises
+    ------
+    TypeError, ValueError, OSError
+        A parameter or a file is refused; or no file lacks a unit and none has the given one; or a baseline is to be
+        corrected where there is no record.
+    """
+    files = [motion for motion in records if not isinstance(motion, Forcing)]
+    read = {str(file): Record.from_file(file, units_if_unstated=units) for file in files}
+    said = dict.fromkeys(record.units for record in read.values())
+    if read and units is not None and unit_of(units) not in said:
+        accepted = f"nothing, as all files say their unit ({', '.join(said)})"
+        raise ValueError(checks.refusal("units", units, accepted))
+    motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in records]
+    motions = motions or [scene.forcing]
+    asked: dict[str, Any] = {"baseline": baseline, "corner_hz": corner_hz}
+    changes = {name: value for name, value in asked.items() if value is not None}
+    if changes:
+        if baseline is not None:
+            check_baseline("baseline", baseline)
+        if not any(isinstance(motion, Record) for motion in motions):
+            name, value = next(iter(changes.items()))
+            raise ValueError(checks.refusal(name, value, "nothing where there is no record"))
+        motions = [
+            dataclasses.replace(motion, **changes) if isinstance(motion, Record) else motion for motion in motions
+        ]
+        if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
+            raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
+    return [dataclasses.replace(scene, forcing=motion) for motion in motions]
+
+
+def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
+    """Return a line of text for each motion of a `motion_table`.
+
+    Parameters
+    ----------
+    table : dict of str to ndarray, (m,)
+        At the motions' own scales, or, where `measure` is "scale", at scale 1, whatever that is.
+    measure : str
+        "PGA", "PGV" or "scale".
+    """
+    lines = []
+    for place, name in enumerate(table["motion"]):
+        row = {column: values[place] for column, values in table.items()}
+        peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
+        texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]
+        if "critical_scale" in row:
+            turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"
+            texts.append(turned if row["overturn_side"] else f"peak rotation {row['peak_rotation']:.3g} θ_cr")
+            critical = f"critical at scale {row['critical_scale']:.4g}"
+            if measure != "scale":
+                intensity = f"{measure} {row['critical_intensity']:.4g} {measure_of(measure).unit}"
+                critical = f"critical at {intensity}, {row['critical_scale']:.3g} times its own strength"
+            highest = "scale" if measure == "scale" else "intensity"
+            texts.append(critical if math.isfinite(row["critical_scale"]) else f"stands up to the highest {highest}")
+        at_one = "at scale 1 " * (measure == "scale" and bool(texts))
+        lines.append(f"{name}: {at_one}{', '.join(texts) or 'no size, no units'}.")
+    return lines
+
+
+def motion_names(scenes: Sequence[Scene]) -> list[str]:
+    """Return the name of the motion of each scene: the source of a record, else what the forcing is; all differ."""
+    names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
+    count = dict.fromkeys(names, 0)
+    for place, name in enumerate(names):
+        count[name] += 1
+        names[place] = name if names.count(name) == 1 and count[name] == 1 else f"{name} ({count[name]})"
+    return names

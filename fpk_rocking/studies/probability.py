@@ -1,0 +1,188 @@
+"""The result of `probability`: with what probability a block has overturned, with its error, by row."""
+
+import dataclasses
+import math
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from fpk_rocking.base.types import Array
+from fpk_rocking.results.result import Dataset
+from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.survival import RowResult
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, Diagnostic
+from fpk_rocking.scene.scene import Scene
+from montecarlo.results.ensemble import EXACT_PATH
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Probability(Saved, RowResult):
+    """Probability of overturning with its error, after each cycle or at each of the times; see `probability`.
+
+    Parameters
+    ----------
+    scene : Scene
+    times : ndarray, shape (rows,)
+        Nondimensional times τ from 0 on: whole cycles where the forcing repeats.
+    left, right : ndarray, shape (rows,)
+        Probability of having overturned to either side.
+    errors : ndarray, shape (rows, 3)
+        Errors of the survival, of `left` and of `right`: half of the 95 % interval of a sample, with the measured error
+        of its time steps; of a density the estimated error.
+    method : {"one path", "paths", "density", "splitting"}
+    engine : str
+        The Monte Carlo method, as in "exact"; empty for a density.
+    reason : str
+        Why this method was taken, as a sentence.
+    tol, rtol : float
+        Wanted error of the last probability, absolute and in parts of it; 0 where none was asked for.
+    realizations : int
+        Number of paths; of walkers in all repeats of splitting; 0 for a density.
+    seed : int
+        Seed of the random numbers.
+    interrupted : bool
+        Whether the call was interrupted; the numbers are those of the paths until then.
+    seconds : float
+        That the call took, compilation included.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene, probability
+    >>> rack = Scene.from_block(0.6, 2.0, "0.35 g", "1.2 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> answer = probability(rack, cycles=10, tol=0.01)
+    >>> print(f"{answer.overturned:.2f} {answer.method} {answer.error <= 0.01} {answer.verdict}")
+    0.10 paths True ok
+    """
+
+    kind: ClassVar = "probability"
+    scene: Scene
+    times: Annotated[Array, "f8 k+1"]
+    left: Annotated[Array, "f8 k+1"]
+    right: Annotated[Array, "f8 k+1"]
+    errors: Annotated[Array, "f8 k+1 3"]
+    method: str
+    engine: str
+    reason: str
+    tol: float
+    rtol: float
+    realizations: int
+    seed: int
+    interrupted: bool
+    seconds: float
+
+    @property
+    def survival(self) -> Array:
+        """Probability of not having overturned, shape (rows,)."""
+        return 1.0 - self.left - self.right
+
+    @property
+    def overturned(self) -> float:
+        """Probability of having overturned by the last time."""
+        return float(self.left[-1] + self.right[-1])
+
+    @property
+    def error(self) -> float:
+        """Error of `overturned` (95 %)."""
+        return float(self.errors[-1, 0])
+
+    @property
+    def verdict(self) -> str:
+        """Return "ok", "caution" or "do not use"; `trust` has the reasons."""
+        return self.trust.verdict
+
+    @property
+    def wanted(self) -> float:
+        """The error that was asked for: `tol`, or `rtol` times the probability where that is larger."""
+        return max(self.tol, self.rtol * self.overturned)
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok" on a scene in which nothing is random."""
+        return EXACT_PATH if self.method == "one path" else ""
+
+    @property
+    def diagnostics(self) -> list[Diagnostic]:
+        """Diagnostics of the model, of the error against the wanted one, and of an interruption."""
+        diagnostics = self.model_diagnostics()
+        if self.interrupted:
+            diagnostics.append(Diagnostic(CAUTION, "The call was interrupted before it was done.", "interrupted"))
+        if self.method == "one path":
+            return diagnostics
+        text = f"The error of P(overturned) is {self.error:.2g} (95 %)"
+        if self.error <= self.wanted:
+            return [*diagnostics, Diagnostic(0, f"{text}, within {self.wanted:.2g}.", "error", self.error)]
+        useless = self.error > max(USELESS, self.tol) if self.tol else self.error > 0.5 * self.overturned
+        return [
+            *diagnostics,
+            Diagnostic(UNUSABLE if useless else CAUTION, f"{text}, above {self.wanted:.2g}.", "error", self.error),
+        ]
+
+    @property
+    def title(self) -> str:
+        """P(overturned) with its error and the method, as a line of text."""
+        when, label = self.when(len(self.times) - 1), "one path" if self.method == "one path" else self.label
+        if self.method == "one path":
+            return f"P(overturned) = {self.overturned:.0f} (one path), {when}"
+        return f"P(overturned) = {_with_error(self.overturned, self.error)} (95 %), {when}; {label}"
+
+    @property
+    def label(self) -> str:
+        """Method, engine and number of paths, as in "19,000 paths (exact)"."""
+        if self.method == "paths":
+            return f"{self.realizations:,} paths ({self.engine})"
+        return f"splitting of {self.realizations:,} paths" if self.method == "splitting" else self.method
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Why this method was taken, and what is to be said of the scene."""
+        return (self.reason, *super().remarks)
+
+    def dataset(self) -> Dataset:
+        """Survival and the probabilities of either side by row, each with its error."""
+        names = "survival", "left", "right"
+        return Dataset(
+            {name: ("time", getattr(self, name)) for name in names}
+            | {f"{name}_error": ("time", self.errors[:, k]) for k, name in enumerate(names)},
+            {
+                **({} if self.cycles is None else {"cycle": ("time", np.arange(len(self.times)))}),
+                "time": self.times,
+                **({} if self.time_s is None else {"time_s": ("time", self.time_s)}),
+            },
+            rows=("time",),
+        )
+
+    def summary(self) -> dict[str, Any]:
+        """`overturned`, `error` and the verdict, and all of `Result.summary`, for JSON."""
+        return {"overturned": self.overturned, "error": self.error, "verdict": self.verdict} | super().summary()
+
+    def plot(self) -> Any:
+        """Draw the probability of having overturned, and its share to the left, with their errors."""
+        from matplotlib.ticker import MaxNLocator
+
+        from fpk_rocking.results.pictures import figure_of
+        from fpk_rocking.results.style import COLOURS
+
+        def panel(_, axes):
+            """Draw both probabilities over the rows."""
+            shown = (1.0 - self.survival, 0, "either side"), (self.left, 1, "to the left")
+            for (values, column, label), colour in zip(shown, COLOURS, strict=False):
+                error = self.errors[:, column]
+                axes.fill_between(self.row_values, values - error, values + error, color=colour, alpha=0.3, linewidth=0)
+                axes.plot(self.row_values, values, color=colour, marker=".", label=label)
+            axes.set(xlabel=self.row_label, ylabel="P(overturned)", ylim=(0.0, None))
+            axes.set_title(f"{_with_error(self.overturned, self.error)}, {self.when(len(self.times) - 1)}")
+            if self.cycles is not None:
+                axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+            axes.legend(fontsize=8)
+
+        return figure_of(panel)
+
+
+def _with_error(value, error):
+    """Write a probability and its error, with as many digits as the error has."""
+    if not error > 0.0:
+        return f"{value:.4g}"
+    digits = max(0, 1 - math.floor(math.log10(error)))
+    if value > 0.0 and digits > 6:
+        return f"{value:.3g} ± {error:.2g}"
+    return f"{value:.{digits}f} ± {error:.{digits}f}"

@@ -1,0 +1,47 @@
+"""Motions of a study: scaled to an intensity, and named in the lines of a table."""
+
+import dataclasses
+
+import pytest
+from suites import SIZE, record
+
+from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
+from fpk_rocking.risk import at_intensity
+from fpk_rocking.studies import critical_intensities
+from fpk_rocking.studies.motions import intensities, intensity_of
+
+
+def test_scenes_at_an_intensity_have_it():
+    scene = Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 10.0), 30))
+    for measure, field, unit in (("PGA", "pga", 9.80665), ("PGV", "pgv", 1.0)):
+        there = at_intensity(scene, measure, 0.4)
+        assert getattr(intensities(there), field) == pytest.approx(0.4 * unit, rel=1e-12)
+        assert intensity_of(there, measure) == pytest.approx(0.4, rel=1e-12)
+        factor = 0.4 / intensity_of(scene, measure)
+        assert there.noise.variance == pytest.approx(0.01 * factor**2, rel=1e-12)
+        assert at_intensity(scene, measure, 0.4, noise=False).noise == scene.noise
+    with pytest.raises(ValueError, match=r"^measure: got 'PGD', accepted: 'PGA', 'PGV'"):
+        at_intensity(scene, "PGD")
+    with pytest.raises(ValueError, match=r"^scene: got .* a block with dimensions"):
+        at_intensity(Scene(Block(0.9), Harmonic(1.0, 2.0), NoNoise()))
+
+
+def test_a_scale_is_not_said_to_be_a_multiple_of_the_motion(tmp_path, capsys):
+    """Without noise, at scales of PGA in g: the critical scale in the terminal is the critical PGA of the motion."""
+    block = Scene(Block(0.9, SIZE), Harmonic(1.0, 2.0), NoNoise())
+    (tmp_path / "rack.toml").write_text(block.to_toml())
+    samples = record(1).samples
+    (tmp_path / "a.txt").write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(samples)))
+    words = ["fragility", str(tmp_path / "rack.toml"), "--records", str(tmp_path / "a.txt"), "--units", "m/s2"]
+    printed = {}
+    for option, scales in (("--pga", "0.2:3:4"), ("--scales", "0.5:20:4")):
+        assert cli.main([*words, option, scales]) == 0
+        printed[option] = " ".join(capsys.readouterr().out.split())
+    scene = dataclasses.replace(block, forcing=record(1))
+    critical = critical_intensities(scene, highest=3.0, measure="PGA")
+    assert "a.txt: at scale 1 PGA 1 g, PGV " in printed["--pga"]
+    assert f"critical at scale {critical.critical[0]:.4g}." in printed["--pga"]
+    own = intensities(scene)
+    assert f"a.txt: at scale 1 PGA {own.pga / 9.80665:.3g} g, PGV {own.pgv:.3g} m/s, " in printed["--scales"]
+    assert f"critical at scale {critical.factor[0]:.4g}." in printed["--scales"]
+    assert "times its own" not in printed["--pga"] + printed["--scales"]
