@@ -240,7 +240,7 @@ class FilteredPropagator(CyclicPropagator):
 def advance_from_rest(segment, duration, block):
     """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin.
 
-    The forcing is that of the `Segment` up to its time `duration`; `block` is a `Body`.
+    The forcing is that of the `Segment` up to its time `duration`; `block` is a `KernelBlock`.
     """
     x, v, side, _ = advance_through_events(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side

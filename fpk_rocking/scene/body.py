@@ -122,9 +122,9 @@ class Body(BlockSize):
         kept = square - self.right * self.left
         if kept < 0.0:
             raise ValueError(
-                f"block.body: got right * left = {self.right * self.left:.6g} m², accepted: at most radius_of_gyration² "
-                f"+ height_of_centre² = {square:.6g} m², as the restitution is negative here; for so squat a body give "
-                "block.restitution"
+                f"block.body: got right * left = {self.right * self.left:.6g} m², accepted: at most "
+                f"radius_of_gyration² + height_of_centre² = {square:.6g} m², as the restitution is negative here; for "
+                "so squat a body give block.restitution"
             )
         from_left, from_right = kept / (square + self.right**2), kept / (square + self.left**2)
         return from_left if self.symmetric else (from_left, from_right)

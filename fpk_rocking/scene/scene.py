@@ -419,7 +419,8 @@ def _size(width, height, gravity, body):
 def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
     """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size.
 
-    `size` is the `Dimensions` or the `Body`. `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None; the others are as of `Scene.from_block`.
+    `size` is the `Dimensions` or the `Body`. `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None;
+    the others are as of `Scene.from_block`.
     """
     if record is not None:
         checks.instance("record", record, Record)

@@ -14,7 +14,7 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.collocation import NODES, PLACES
-from fpk_rocking.physics.motion.equation import Body, block_of_scene
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene
 from fpk_rocking.physics.motion.events import can_lift_off, chord_clearance
 from fpk_rocking.physics.motion.particular import force_series, forced_response, particular_at, particular_series
 from fpk_rocking.physics.motion.segment import force_bounds
@@ -229,7 +229,7 @@ class Parameters(NamedTuple):
     of a kind of flight.
     """
 
-    block: Body
+    block: KernelBlock
     start: np.ndarray
     band: Band
     grid: TimeGrid
@@ -379,7 +379,7 @@ def _collocation(force, envelope, polynomials, middles, spacing):
 def _eventless_angles(low, high, spacing, block):
     """Return `least`, `most` and `stays` of `Parameters` from bounds `low`, `high` (m,) of the force.
 
-    `spacing`: duration of an interval; `block`: `Body`.
+    `spacing`: duration of an interval; `block`: `KernelBlock`.
     """
     (below, above), stays = np.empty((2, low.size, 2)), np.empty(low.size, np.bool_)
     _write_clearances(low, high, spacing, block, below, above, stays)

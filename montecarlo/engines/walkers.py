@@ -18,7 +18,7 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body, block_of_scene, restitution_from, saddle
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, restitution_from, saddle
 from fpk_rocking.physics.motion.events import Event, next_event
 from fpk_rocking.physics.motion.flight import unstable_coordinate
 from fpk_rocking.physics.motion.impact import velocity_after_impact
@@ -44,7 +44,7 @@ class NoiselessForcing(NamedTuple):
     duration: float
     stride: int
     count: int
-    block: Body
+    block: KernelBlock
 
 
 class ScoreTable(NamedTuple):
@@ -87,7 +87,7 @@ def _noiseless_forcing(scene, intervals, span):
 
 @kernel(inline="always")
 def _distance(u, w, side, particular, t, block):
-    """Coordinate z of a `Body` at t, counted from the saddle of its side; see `unstable_coordinate`.
+    """Coordinate z of a `KernelBlock` at t, counted from the saddle of its side; see `unstable_coordinate`.
 
     `u`, `w` are the folded state, and `particular` (TERMS,) are the coefficients of P.
     """

@@ -23,7 +23,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import (
     accumulated_covariance,
@@ -57,7 +57,7 @@ class Parameters(NamedTuple):
     intervals.
     """
 
-    block: Body
+    block: KernelBlock
     grid: TimeGrid
     diffusion: np.ndarray
     start: np.ndarray

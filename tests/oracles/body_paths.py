@@ -58,7 +58,7 @@ def white(intensity):
 
 
 def low_pass(variance, frequency, damping):
-    """White noise through an oscillator, from its stationary state: variance, (m/s²)², frequency, rad/s, and damping."""
+    """White noise through an oscillator from its stationary state: variance, (m/s²)², frequency, rad/s, damping."""
 
     def begin(rng, paths, step):
         states = math.sqrt(variance) * np.array([[1.0], [frequency]]) * rng.standard_normal((2, paths))

@@ -27,7 +27,9 @@ G = 9.80665
 def parts_of(body):
     """Point masses (m, x, y) with the centre, at x = 0, and the moment of inertia of a body of mass 1."""
     reach = body.radius_of_gyration
-    return np.array([(0.25, dx, body.height_of_centre + dy) for dx, dy in ((reach, 0), (-reach, 0), (0, reach), (0, -reach))])
+    return np.array(
+        [(0.25, dx, body.height_of_centre + dy) for dx, dy in ((reach, 0), (-reach, 0), (0, reach), (0, -reach))]
+    )
 
 
 @pytest.mark.parametrize("side", [-1, 1])

@@ -30,7 +30,7 @@ from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import (
-    Body,
+    KernelBlock,
     acceleration,
     acceleration_bounds,
     dispatch_on_block,
@@ -160,7 +160,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         The point.
     segment : Segment
         The forcing over the step.
-    block : Body
+    block : KernelBlock
     noise : Noise
     scratch : ndarray, shape (4, TERMS)
         Overwritten.
@@ -246,7 +246,7 @@ def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block)
         out[k] = segment.particular[k] / level
     out[0] -= first / unit
     out[1] -= (last - first) / (unit * duration)
-    return unit, Body(block.restitution, block.cutoff / unit, None), out
+    return unit, KernelBlock(block.restitution, block.cutoff / unit, None), out
 
 
 _contact_equivalent = dispatch_on_block(_contact_equivalent_slender, _contact_equivalent_exact)
@@ -439,7 +439,7 @@ def trace_cells(cells, points, segment, block, noise):
         Angle and velocity index of each cell.
     points : GaussPoints
     segment : Segment
-    block : Body
+    block : KernelBlock
     noise : Noise
 
     Returns

@@ -168,7 +168,8 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
 def fly_by_tables(u, w, side, force, tables, span, block):
     """Carry a flight over the duration `span` of `tables`, its `FlightTables`; return as `fly_collocated`.
 
-    `u`, `w` are the folded state at its begin, `force` is s f at the points, `Lanes`, and `block` an exact `Body`.
+    `u`, `w` are the folded state at its begin, `force` is s f at the points, `Lanes`, and `block` an exact
+    `KernelBlock`.
     """
     alpha, middle, scale = block.critical_angle, saddle(side, block), acceleration_scale(side, block)
     cosh, y = load(tables.points, 0), u - middle
@@ -198,7 +199,7 @@ def fly_collocated(u, w, side, force, span, block, near):
         Folded force s f at the points.
     span : float
         The time.
-    block : Body
+    block : KernelBlock
     near : Lanes
         A guess of u - m at the points.
 
@@ -278,7 +279,7 @@ def _leaves(u, w, angle, last, fall, block):
     """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9.
 
     `u`, `w` are the folded state at the begin, `angle` (TERMS,) is what `_expand` wrote, `last` the folded angle at the
-    end, `fall` half of the bound of -u'', and `block` a `Body`.
+    end, `fall` half of the bound of -u'', and `block` a `KernelBlock`.
     """
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
@@ -293,8 +294,8 @@ def _leaves(u, w, angle, last, fall, block):
 def _hop(u, w, side, force, start, until, block):
     """Duration of a low hop from x = 0 up to the next impact, and the folded velocity then; 0, 0 if it may be long.
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `block` is a `Body`. A hop
-    that takes more than half of the time up to `until` counts as long.
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `block` is a `KernelBlock`. A
+    hop that takes more than half of the time up to `until` counts as long.
     """
     if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
@@ -317,7 +318,8 @@ def _hop(u, w, side, force, start, until, block):
 def _flight(u, w, side, force, start, span, block):
     """Carry a flight over the time `span` from `start`; return as `fly_collocated`.
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a `Body`.
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a
+    `KernelBlock`.
     """
     push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
     near = _guess(u, w, side, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span, block)
@@ -329,7 +331,7 @@ def _event(u, w, last, angle, quotient, block):
     """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time.
 
     `u`, `w` are the folded state at the begin, `last` is the folded angle at the end, `angle` (TERMS,) is what
-    `_expand` wrote, `quotient` (TERMS,) is written to, and `block` is a `Body`. The place is from -1 to 1.
+    `_expand` wrote, `quotient` (TERMS,) is written to, and `block` is a `KernelBlock`. The place is from -1 to 1.
     """
     fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
@@ -350,8 +352,8 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     """Return duration and folded velocity of a flight up to its impact near `time` since `start`; or zeros.
 
     `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `place` is `time` in the time
-    of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `Body`. Zeros say that the impact is not
-    within 1e-7 of `time`.
+    of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `KernelBlock`. Zeros say that the impact
+    is not within 1e-7 of `time`.
     """
     places = load(_POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
@@ -368,7 +370,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
     """Return x, v, side and time after an impact at a time of an interval, or those of rest.
 
     `side` is that before the impact, `speed` its folded velocity, `force` (TERMS,) are the coefficients of f for |t| up
-    to `half`, `block` is a `Body`; `impacts`, `origin` and `slow` are as of `advance_through_events`.
+    to `half`, `block` is a `KernelBlock`; `impacts`, `origin` and `slow` are as of `advance_through_events`.
     """
     if impacts is not None:
         record_impact(impacts, origin + time, side * speed)

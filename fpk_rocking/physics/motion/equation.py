@@ -31,7 +31,7 @@ class UnequalSides(NamedTuple):
     restitution: tuple[float, float]
 
 
-class Body(NamedTuple):
+class KernelBlock(NamedTuple):
     """A block as kernels take it: restitution e, and the angle whose first passage is overturning.
 
     `critical_angle` is α, radians, for the exact equation of motion, and None for that of a slender block. `sides` are
@@ -44,17 +44,17 @@ class Body(NamedTuple):
     sides: UnequalSides | None = None
 
 
-def block_of_scene(scene: Any) -> Body:
-    """Return the `Body` of a scene's block and overturning angle; a critical angle of 0 becomes None."""
+def block_of_scene(scene: Any) -> KernelBlock:
+    """Return the `KernelBlock` of a scene's block and overturning angle; a critical angle of 0 becomes None."""
     block, cutoff = scene.block, scene.overturning.angle
     if block.symmetric:
-        return Body(block.restitution, cutoff, block.critical_angle or None)
+        return KernelBlock(block.restitution, cutoff, block.critical_angle or None)
     sides = UnequalSides(block.body.saddles, block.body.acceleration_scales, block.restitution_by_side)
-    return Body(None, cutoff, block.critical_angle, sides)
+    return KernelBlock(None, cutoff, block.critical_angle, sides)
 
 
 def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) -> Callable[..., Any]:
-    """Return one function of two kernels with the same arguments, of which the last is the `Body`.
+    """Return one function of two kernels with the same arguments, of which the last is the `KernelBlock`.
 
     It calls `slender` where the body's critical angle is None, else `exact`; in a compiled kernel the type decides
     that.
@@ -63,15 +63,15 @@ def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) ->
 
 
 def _dispatch(field, without, with_it):
-    """Return one function of two kernels, whose last argument is a `Body`: `without` where its `field` is None."""
+    """Return one function of two kernels of which the last argument is a `KernelBlock`: `without` if `field` is None."""
 
     def either(*arguments):
-        """Call the kernel for the `Body`, the last argument, from Python."""
+        """Call the kernel for the `KernelBlock`, the last argument, from Python."""
         return (without if getattr(arguments[-1], field) is None else with_it)(*arguments)
 
     @overload(either, strict=False, inline="always")
     def _(*arguments):
-        kind = arguments[-1].types[Body._fields.index(field)]
+        kind = arguments[-1].types[KernelBlock._fields.index(field)]
         chosen: Any = without if isinstance(kind, types.NoneType) else with_it
         return chosen.py_func
 
@@ -96,7 +96,7 @@ def _equal_saddle(side, block):
 
 @kernel(inline="always")
 def _unequal_saddle(side, block):
-    """Folded angle m at which the centre of mass of a `Body` is over the corner of the side s."""
+    """Folded angle m at which the centre of mass of a `KernelBlock` is over the corner of the side s."""
     return _of_side(block.sides.saddle, side)
 
 
@@ -108,19 +108,19 @@ def _equal_scale(side, block):
 
 @kernel(inline="always")
 def _unequal_scale(side, block):
-    """Factor κ of the acceleration of a `Body` on the side s."""
+    """Factor κ of the acceleration of a `KernelBlock` on the side s."""
     return _of_side(block.sides.scale, side)
 
 
 @kernel(inline="always")
 def _equal_restitution(side, block):
-    """Restitution of a symmetric `Body`; `side` is not used."""
+    """Restitution of a symmetric `KernelBlock`; `side` is not used."""
     return block.restitution
 
 
 @kernel(inline="always")
 def _unequal_restitution(side, block):
-    """Restitution of a `Body` at an impact that leaves the side s."""
+    """Restitution of a `KernelBlock` at an impact that leaves the side s."""
     return _of_side(block.sides.restitution, side)
 
 
@@ -137,7 +137,7 @@ def slender_acceleration(u, side, force, block):
 
 @kernel(inline="always")
 def _exact_acceleration(u, side, force, block):
-    """Folded acceleration u'' = κ (-sin φ/α + s f cos φ) of a `Body`, at the folded angle u under the force f."""
+    """Folded acceleration u'' = κ (-sin φ/α + s f cos φ) of a `KernelBlock`, at folded angle u under the force f."""
     phi = block.critical_angle * (saddle(side, block) - u)
     pull = side * force * math.cos(phi) - math.sin(phi) / block.critical_angle
     return acceleration_scale(side, block) * pull
@@ -151,7 +151,7 @@ def _slender_force_factor(u, side, block):
 
 @kernel(inline="always")
 def _exact_force_factor(u, side, block):
-    """Factor of the force, and of noise, in u'' of a `Body` at the folded angle u on the side s: κ cos φ."""
+    """Factor of the force, and of noise, in u'' of a `KernelBlock` at the folded angle u on the side s: κ cos φ."""
     return acceleration_scale(side, block) * math.cos(block.critical_angle * (saddle(side, block) - u))
 
 
@@ -163,7 +163,7 @@ def _slender_acceleration_gradient(u, side, force, block):
 
 @kernel(inline="always")
 def _exact_acceleration_gradient(u, side, force, block):
-    """Change of u'' of a `Body` with u, at the folded angle u under the force f: κ (cos φ + s f α sin φ)."""
+    """Change of u'' of a `KernelBlock` with u, at the folded angle u under the force f: κ (cos φ + s f α sin φ)."""
     phi = block.critical_angle * (saddle(side, block) - u)
     gradient = math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
     return acceleration_scale(side, block) * gradient
@@ -177,13 +177,13 @@ def _slender_lift_off_level(side, block):
 
 @kernel(inline="always")
 def _exact_lift_off_level(side, block):
-    """Largest s f under which a `Body` at rest does not lift off to the side s: tan(m α)/α."""
+    """Largest s f under which a `KernelBlock` at rest does not lift off to the side s: tan(m α)/α."""
     return math.tan(block.critical_angle * saddle(side, block)) / block.critical_angle
 
 
 @kernel(inline="always")
 def slender_acceleration_bounds(side, low, high, block):
-    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `Body`.
+    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `KernelBlock`.
 
     `low` and `high` bound f.
     """
@@ -194,7 +194,7 @@ def slender_acceleration_bounds(side, low, high, block):
 
 @kernel(inline="always")
 def _exact_acceleration_bounds(side, low, high, block):
-    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `Body`.
+    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `KernelBlock`.
 
     `low` and `high` bound f.
     """

@@ -65,7 +65,7 @@ def chatter_time(speed, side, force, block):
         The side s that the impact leads to.
     force : float
         The forcing f.
-    block : Body
+    block : KernelBlock
 
     Returns
     -------
@@ -105,7 +105,7 @@ class LinearizedImpact(NamedTuple):
 
 @kernel
 def linearize_impact(speed, side, force, slope, block):
-    """Return the `LinearizedImpact` of a `Body`, all nondimensional.
+    """Return the `LinearizedImpact` of a `KernelBlock`, all nondimensional.
 
     `speed` is the velocity before the impact, with its sign, `side` that before it, `force` and `slope` are f and f'
     then.
@@ -165,7 +165,7 @@ def displacement_through_impact(x, v, time, rest, impact, block):
         The step's time before and after that impact.
     impact : LinearizedImpact
         The undisturbed one.
-    block : Body
+    block : KernelBlock
 
     Returns
     -------
