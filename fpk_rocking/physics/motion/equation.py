@@ -63,7 +63,7 @@ def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) ->
 
 
 def _dispatch(field, without, with_it):
-    """Return one function of two kernels of which the last argument is a `KernelBlock`: `without` if `field` is None."""
+    """Return one function of two kernels, the last argument a `KernelBlock`: `without` where its `field` is None."""
 
     def either(*arguments):
         """Call the kernel for the `KernelBlock`, the last argument, from Python."""
