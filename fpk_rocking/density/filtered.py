@@ -92,7 +92,7 @@ class FilteredPropagator(CyclicPropagator):
         `constant` is that force, nondimensional, in units of the forcing.
         """
         forcing, block = periodic(self.scene.forcing).with_constant(constant), self.scene.block
-        common = forcing, 0.0, block.restitution, self.scene.overturning.angle
+        common = forcing, 0.0, block.restitution_by_side[0], self.scene.overturning.angle
         return Dynamics(*common, critical_angle=block.critical_angle or None)
 
     def _steps_at_nodes(self, k):
