@@ -94,8 +94,8 @@ def record_case(rng):
 def difference(case):
     """Largest differences in time (τ) and in velocity of the events of a case from those in metres and seconds.
 
-    Impacts slower than 1e-4, of a burst that is summed as chatter, are left out. inf where outcome, side or number of
-    impacts differ.
+    Impacts slower than 1e-4, of a burst that is summed as chatter, and those after the last time are left out. inf
+    where outcome, side or number of impacts differ.
     """
     scene, motion, rate, end = case
     alpha = scene.block.critical_angle
@@ -104,7 +104,7 @@ def difference(case):
     time, side = motion.outcome
     events = np.array([(rate * when, speed / (alpha * rate)) for when, speed, _ in motion.events]).reshape(-1, 2)
     ours = np.column_stack([paths.impact_time, paths.impact_velocity])
-    ours, events = (rows[np.abs(rows[:, 1]) > 1e-4] for rows in (ours, events))
+    ours, events = (rows[(np.abs(rows[:, 1]) > 1e-4) & (rows[:, 0] < end)] for rows in (ours, events))
     if paths.overturn_side[0] != side or len(ours) != len(events):
         return math.inf, math.inf
     last = abs(paths.overturn_time[0] - rate * time) if side else 0.0
@@ -205,7 +205,7 @@ def test_forces_accelerate_the_centre_of_a_body(side):
 
     body = body_motion.BodyInMetres(LENGTHS, G, base, [], 1.0)
     solved = solve_ivp(
-        lambda t, y: (y[1], body.turning(t, y[0], side)), (0.0, 1.2 / rate), (side * 0.3 * alpha, side * 0.9 * alpha * rate),
+        lambda t, y: (y[1], body.turning(t, y[0], side)), (0.0, 1.2 / rate), side * alpha * np.array([0.3, 0.9 * rate]),
         "DOP853", rtol=1e-13, atol=1e-14, dense_output=True,
     )  # fmt: skip
 
