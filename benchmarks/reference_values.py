@@ -69,7 +69,9 @@ def rows():
     samples = 0.4 * np.sin(np.pi * sweep / 4.8) * np.sin(2.0 * np.pi * sweep * (0.6 + 0.2 * sweep))
     shaken = Record(0.02, tuple(samples.round(6).tolist()), "g")
     scattered = Start(0.2, 0.1, ((0.01, 0.002), (0.002, 0.02)))
-    block = Scene.from_block(0.5, 1.8, 0.3 * 9.80665, 1.5, noise_rms_acceleration=0.5, noise_band_hz=(0.0, 5.0))
+    block = Scene.from_block(
+        0.5, 1.8, 0.3 * 9.80665, 1.5, noise_rms_acceleration=0.5, noise_band_hz=(0.0, 5.0), frequencies="independent"
+    )
     periodic = {
         "paper-white": Scene(Block(0.5), paper, WhiteNoise(0.002 * math.pi)),
         "second-white": Scene(Block(0.7), second, WhiteNoise(0.012)),

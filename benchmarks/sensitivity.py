@@ -6,6 +6,9 @@ process, and kernels are compiled anew, into a folder that is removed; elsewhere
 python benchmarks/sensitivity.py --table physics                     # also montecarlo, density; or all of them
 python benchmarks/sensitivity.py --table physics --only touch        # a regular expression; other rows are kept
 python benchmarks/sensitivity.py --only none                         # the pages anew, nothing measured
+python benchmarks/sensitivity.py --table density --missing           # only rows that are not in the file yet
+
+The file is written after every number, so that a run may be interrupted and go on with `--missing`.
 """
 
 import argparse
@@ -30,9 +33,13 @@ from report import DATA, ROOT, slug, table, write_section
 
 ROUNDING, DRAWN, SECONDS, ANEW, TWICE, LIMIT_S = 1e-9, 1e-3, 0.03, 0.1, 0.15, 240
 ROUNDS = {"physics": 4, "montecarlo": 4, "density": 1}
+SINGLE = 0.3
 RESULTS = "survival", "estimate", "bins", "paths"
+REFERENCES, PART = {"density": ("main", "rack", "pulse", "block at rest")}, 0.1
 NEWLINE = "\n"
 UNCHANGED = "unchanged code, compiled anew"
+OF_SECONDS = """Seconds count from 3 % on, and from 10 % on where kernels are compiled anew: the same change compiled
+twice differed by that much."""
 EDGES = np.linspace(-1.6, 1.6, 17), np.linspace(-3.2, 3.2, 33)
 PATHS = 20000
 
@@ -59,7 +66,7 @@ GROUPS = {
         "rest_(angle|velocity)|least_.*_range": ("main", "block at rest"),
         "resting_nodes_beside|last_step_smooth": (),
         "patch_.*|free_patch_nodes|no_mass|visible_mass|missing_mass|closed_form_part": ("main", "rack", "pulse"),
-        "resolved|barely_resolved|rattle_.*|lifted_step|waiting_step": ("main", "block at rest", "pulse"),
+        "resolved|barely_resolved|rattle_.*|(lifted|waiting|contact)_step": ("main", "block at rest", "pulse"),
         "exact_.*|bent_gaussian": ("rack",),
         "sticking_.*|layer_.*|hop_gain|forgetting_.*|faintest_.*|faded_.*|settled_.*": ("pulse", "block at rest"),
         "mode.*|subspace|steps_(before|until)_modes|smoothing_.*|least_(eigenvalue|rate)|reached_.*": ("operator",),
@@ -70,10 +77,11 @@ GROUPS = {
             "rack",
             "pulse",
         ),
-        "exploratory_.*|main_.*|coarsest|far_motion|tail_cells": ("main", "block at rest", "rack", "pulse"),
-        ".*_step|long_rest|steps_per_harmonic": ("main", "block at rest", "rack", "pulse"),
+        "exploratory_.*|main_.*|coarsest|tail_cells|moving_step": ("main", "rack", "pulse"),
+        "far_motion|.*_step|long_rest|steps_per_harmonic": ("main", "block at rest", "rack"),
         "search_entries|chunks|spare|deviations|start_margin": ("main", "rack", "pulse"),
-        ".*_grading|.*_growth|chatter|.*_impact|narrow_.*": ("main", "block at rest", "rack"),
+        ".*_grading|.*_growth|narrow_.*": ("main", "rack"),
+        "chatter|.*_impact": ("main",),
         "least_intensity": ("pulse",),
     },
 }
@@ -83,21 +91,21 @@ which a call is refused, warned of, or repeated, which moves no result; or what 
 
 def tables():
     """Tables of tuned numbers: {name of the folder: (module, {field: default})}."""
-    tables_by_folder = {}
+    found = {}
     for path in sorted(
         path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("tuning.py")
     ):
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        tables_by_folder[path.parent.name] = module, loaded(module).TUNING._asdict()
-    return tables_by_folder
+        found[path.parent.name] = module, loaded(module).TUNING._asdict()
+    return found
 
 
 def loaded(module):
     """Load the module of a table without anything else of the project."""
     spec = importlib.util.spec_from_file_location(module, ROOT.joinpath(*module.split(".")).with_suffix(".py"))
-    table_module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(table_module)
-    return table_module
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
 
 
 def scenes_of(name, field):
@@ -117,7 +125,7 @@ def times(value, factor):
 
 def when_read(module, field):
     """Say when a field is read: at a "call" of plain functions, at "import", or by "kernels", which compile it."""
-    moments = {"call"}
+    found = {"call"}
     for path in sorted(path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         match = re.search(rf"from {re.escape(module)} import TUNING(?: as (\w+))?", text)
@@ -128,17 +136,20 @@ def when_read(module, field):
             inside = {part for node in plain for line in node.body for part in ast.walk(line)}
             heads = {part for node in plain for part in ast.walk(node)} - inside
             uses = {node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and ast.unparse(node) == name}
-            moments |= {"import" if node in heads else "kernels" for node in uses - inside}
-    return max(moments, key=("call", "import", "kernels").index)
+            found |= {"import" if node in heads else "kernels" for node in uses - inside}
+    return max(found, key=("call", "import", "kernels").index)
 
 
 def _is_plain(function):
-    """Whether a function of a syntax tree is compiled by Python alone, and so reads numbers when it is called."""
-    return {*map(ast.unparse, function.decorator_list)} <= {"property", "classmethod", "staticmethod"}
+    plain = {"property", "classmethod", "staticmethod", "functools.cached_property", "abc.abstractmethod"}
+    return {*map(ast.unparse, function.decorator_list)} <= plain
 
 
 def calls():
-    """Return for each scene a function of a factor of its noise's intensity: near 1, the work is the same, uncached."""
+    """Return for each scene a function of a factor of its noise's intensity: near 1, the work is the same, uncached.
+
+    Of a density it takes a second factor, of its tolerance.
+    """
     import fpk_rocking as fpk
     import montecarlo as mc
 
@@ -161,33 +172,29 @@ def calls():
     moving = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(3.0, 2.7, math.pi), fpk.FilteredNoise("exponential", 0.05, 5.0))
 
     def simulated(scene, cycles, paths=PATHS, **options):
-        """Results of paths of a scene: survival, bins and the first 200 paths, and the error of sampling."""
-        ensemble = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
-        bins = ensemble.bin_probabilities(len(ensemble.survival) - 1, *EDGES)
+        found = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
+        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
         return {
-            "survival": ensemble.survival,
+            "survival": found.survival,
             "bins": bins,
-            "paths": np.stack([ensemble.angle, ensemble.velocity])[:, :200],
-        } | _sampling(ensemble)
+            "paths": np.stack([found.angle, found.velocity])[:, :200],
+        } | _sampling(found)
 
     def split(scene):
-        """Results of the splitting of a scene: survival, its repeats, and the error of sampling."""
-        splitting = mc.split(scene, cycles=2, walkers=100, repeats=20)
-        repeats = splitting.repeat_probability[:, -1] / splitting.probability[-1]
-        return {"survival": splitting.survival, "paths": repeats, "sampling": splitting.standard_error}
+        found = mc.split(scene, cycles=2, walkers=100, repeats=20)
+        repeats = found.repeat_probability[:, -1] / found.probability[-1]
+        return {"survival": found.survival, "paths": repeats, "sampling": found.standard_error}
 
     def solved(scene, cycles, **options):
-        """Results of the density of a scene: survival, bins and error estimates."""
-        evolution = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
-        bins = evolution.bin_probabilities(len(evolution.survival) - 1, *EDGES)
-        estimates = [evolution.error_estimate, evolution.bins_error_estimate]
-        return {"survival": evolution.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
+        found = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
+        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
+        estimates = [found.error_estimate, found.bins_error_estimate]
+        return {"survival": found.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
 
-    def operated(scene):
-        """Results of the one-cycle operator of a scene: survival, bins of its leading mode, and its error estimate."""
-        operator = fpk.CycleOperator(scene, tol=5e-2)
-        estimates, bins = [operator.escape_error], operator.quasi_stationary.bin_probabilities(*EDGES)
-        return {"survival": operator.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
+    def operated(scene, tol):
+        found = fpk.CycleOperator(scene, tol=tol)
+        estimates, bins = [found.escape_error], found.quasi_stationary.bin_probabilities(*EDGES)
+        return {"survival": found.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
 
     rows = {
         "exact": (main, simulated, 8),
@@ -221,14 +228,15 @@ def calls():
             1,
             {"tol": 0.1, "bins_tol": math.inf},
         ),
-        "operator": (white.varied(noise=fpk.WhiteNoise(0.04)), operated),
+        "operator": (white.varied(noise=fpk.WhiteNoise(0.04)), operated, {"tol": 5e-2}),
     }
 
-    def call(name, factor):
-        """Run a scene by its name, with the intensity of its noise times a factor."""
+    def call(name, factor, part=1.0):
         scene, function, *rest = rows[name]
         field = "diffusion" if scene.noise.kind == "white" else "variance"
-        options = rest.pop() if rest and isinstance(rest[-1], dict) else {}
+        options = dict(rest.pop()) if rest and isinstance(rest[-1], dict) else {}
+        if part != 1.0:
+            options["tol"] = max(part * options["tol"], 1e-4)
         return function(scene.varied(noise={field: factor * getattr(scene.noise, field)}), *rest, **options)
 
     return {name: functools.partial(call, name) for name in rows}
@@ -240,25 +248,40 @@ def work(module, changes):
     warnings.simplefilter("ignore")
     out, sys.stdout = os.fdopen(os.dup(1), "w"), sys.stderr
     own = sys.modules[module] = loaded(module)
-    first = own.TUNING = changed(own.TUNING, changes)
+    own.TUNING, read = recording(changed(own.TUNING, changes))
+    first = own.TUNING
     own_calls = calls()
     for line in sys.stdin:
-        name, factor, changes = json.loads(line)
+        name, factor, changes, *part = json.loads(line)
         for user in [user for user in sys.modules.values() if type(getattr(user, "TUNING", None)) is type(first)]:
             user.TUNING = changed(first, changes)
+        read.clear()
         begin = time.process_time()
         try:
-            result = own_calls[name](factor)
+            result = own_calls[name](factor, *part)
             answer = {"seconds": time.process_time() - begin} | {key: np.ravel(v).tolist() for key, v in result.items()}
+            answer["read"] = sorted(read)
         except Exception as error:  # noqa: BLE001  (whatever a number out of place leads to is what is asked for)
             answer = {"refused": f"{type(error).__name__}: {error}".split("\n")[0]}
         out.write(json.dumps(answer) + "\n")
         out.flush()
 
 
-def _sampling(ensemble):
-    """Return the standard error of survival of an `Ensemble` at each row."""
-    return {"sampling": np.sqrt(ensemble.survival * (1.0 - ensemble.survival) / ensemble.realizations)}
+def recording(numbers):
+    """Return a table that notes the names of the numbers that are read of it, and the set of these names."""
+    read, kind = set(), type(numbers)
+
+    class Recording(kind):
+        def __getattribute__(self, name):
+            if name in kind._fields:
+                read.add(name)
+            return super().__getattribute__(name)
+
+    return Recording(*numbers), read
+
+
+def _sampling(found):
+    return {"sampling": np.sqrt(found.survival * (1.0 - found.survival) / found.realizations)}
 
 
 def changed(numbers, changes):
@@ -274,18 +297,27 @@ class Variant:
         command = [sys.executable, __file__, "--work", module, json.dumps(changes)]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
         self.process, self.changes = subprocess.Popen(command, env=environment, text=True, cwd=ROOT, **pipes), {}
-        self.called = set()
+        self.known, self.read, self.answers = set(), {}, {}
 
-    def call(self, name, factor):
-        """Return the answer of `work` to a call, or why there is none."""
-        self.called.add(name)
+    def call(self, name, factor, *part):
+        """Return the answer of `work` to a call, or why there is none; `part` is a factor of the tolerance."""
+        self.known.add(name)
         with contextlib.suppress(BrokenPipeError):
-            self.process.stdin.write(json.dumps([name, factor, self.changes]) + "\n")
+            self.process.stdin.write(json.dumps([name, factor, self.changes, *part]) + "\n")
             self.process.stdin.flush()
         if not select.select([self.process.stdout], [], [], LIMIT_S)[0]:
             return {"refused": f"takes more than {LIMIT_S} s"}
         line = self.process.stdout.readline()
-        return json.loads(line) if line else {"refused": "the process ended"}
+        answer = json.loads(line) if line else {"refused": "the process ended"}
+        self.read.setdefault(name, set()).update(answer.get("read", ()))
+        return answer
+
+    def once(self, name):
+        """Return the answer to the second call of a scene as it is, which compiles nothing; later calls repeat it."""
+        if name not in self.answers:
+            self.call(name, 1.0)
+            self.answers[name] = self.call(name, 1.0)
+        return self.answers[name]
 
     def end(self):
         """End the process."""
@@ -296,39 +328,50 @@ class Variant:
 def differences(base, variant):
     """Return how results differ: at most, bins in sum, nine paths in ten; and the standard error of sampling."""
     combine = {"survival": np.max, "estimate": np.max, "bins": np.sum, "paths": lambda parts: np.quantile(parts, 0.9)}
-    pairs = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
-    largest = {
-        key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in pairs.items()
-    }
-    return largest | {"sampling": max(base.get("sampling", [0.0]))}
+    both = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
+    found = {key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in both.items()}
+    return found | {"sampling": max(base.get("sampling", [0.0]))}
 
 
-def compare(base, variant, scenes, rounds, count):
+def compare(base, variant, scenes, rounds, count, references):
     """Return the largest changes of results over scenes, and the ratio of seconds that is farthest from 1.
+
+    `references` has survival of a finer solution by the name of a scene; where there is one, the errors of both, of the
+    scene whose survival moves most, are "errors".
 
     That of a scene is the ratio of the least seconds or the median ratio, whichever is nearer to 1: other work on the
     machine moves one rather than both. The first call of a scene in a process, which may compile, is not timed.
     """
-    change = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
+    found = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
     for name in scenes:
         seconds = []
-        for turn in range({name} <= base.called & variant.called, rounds + 1):
-            factor = 1.0 - 1e-9 * next(count)
-            answers = [process.call(name, factor) for process in (base, variant)]
+        for turn in range({name} <= base.known & variant.known, rounds + 1):
+            if rounds == 1:
+                answers = [base.once(name), variant.call(name, 1.0)]
+            else:
+                factor = 1.0 - 1e-9 * next(count)
+                answers = [process.call(name, factor) for process in (base, variant)]
             refused = [answer["refused"] for answer in answers if "refused" in answer]
             if refused:
-                return change | {"refused": f"{name}: {refused[0]}"}
-            change |= {key: max(change[key], value) for key, value in differences(*answers).items()}
+                return found | {"refused": f"{name}: {refused[0]}"}
+            moved = differences(*answers)
+            if name in references and moved["survival"] >= found["survival"]:
+                found["errors"] = [max_difference(answer["survival"], references[name]) for answer in answers]
+            found |= {key: max(found[key], value) for key, value in moved.items()}
             if turn:
                 seconds.append([answer["seconds"] for answer in answers])
         own, others = np.transpose(seconds)
         ratio = min(np.median(others / own), others.min() / own.min(), key=_from_1)
-        change["seconds"] = float(max(change["seconds"], ratio, key=_from_1))
-    return change
+        found["seconds"] = float(max(found["seconds"], ratio, key=_from_1))
+    return found
+
+
+def max_difference(one, other):
+    """Largest difference of two lists of numbers."""
+    return float(np.abs(np.subtract(one, other)).max())
 
 
 def _from_1(ratio):
-    """How far a ratio is from 1: the absolute value of its logarithm."""
     return abs(math.log(ratio))
 
 
@@ -338,61 +381,79 @@ def verdict(change, chance=SECONDS):
         return "refused"
     largest = max(change[key] for key in RESULTS)
     within = change["survival"] <= 3.0 * math.sqrt(2.0) * change["sampling"]
-    drawn = within and (change["paths"] > DRAWN or change["paths"] <= ROUNDING)  # of most paths, or of few
-    words = [] if largest <= ROUNDING else ["draws"] if drawn else ["accuracy"]
+    drawn = within and change["sampling"] and (change["paths"] > DRAWN or change["paths"] <= ROUNDING)  # most, or few
+    results = max(change[key] for key in RESULTS if key != "estimate") > ROUNDING
+    words = [] if largest <= ROUNDING else ["draws"] if drawn else ["accuracy" if results else "estimate"]
     words += ["speed"] if abs(change["seconds"] - 1.0) > chance else []
     return ", ".join(words) or ("rounding" if largest > 0.0 else "nothing")
 
 
-def measure(name, pattern, measured):
-    """Measure the numbers of a table that a pattern fits, into {field: [value, {factor: change}]}."""
+def measure(name, pattern, found, missing=False):
+    """Measure the numbers of a table that a pattern fits, into {field: [value, {factor: change}]}; write after each.
+
+    With `missing` those that are in `found` are left out. A scene in which a number is not read is not run for it.
+    """
     module, values = tables()[name]
     wanted = [field for field in values if re.fullmatch(pattern, field) and scenes_of(name, field)]
+    wanted = [field for field in wanted if not (missing and field in found)]
     if not wanted:
         return
     base, other, count = Variant(module, {}), Variant(module, {}), itertools.count(1)
-    every = dict.fromkeys(scene for field in values for scene in scenes_of(name, field))
+    every = dict.fromkeys(scene for field in wanted for scene in scenes_of(name, field))
+    finer = [scene for scene in every if scene in REFERENCES.get(name, ())]
+    references = {scene: base.call(scene, 1.0, PART)["survival"] for scene in finer}
+    base.read.clear()
     anew = any(when_read(module, field) == "kernels" for field in values)
     with tempfile.TemporaryDirectory() as folder:
         same = Variant(module, {}, folder if anew else None)
-        measured[UNCHANGED] = ["", {"1": compare(base, same, every, ROUNDS[name], count)}]
+        found[UNCHANGED] = ["", {"1": compare(base, same, every, ROUNDS[name], count, references)}]
         same.end()
     for field in wanted:
-        read, measured[field] = when_read(module, field), [values[field], {}]
-        for factor in (0.5, 2.0):
+        read, changes = when_read(module, field), {}
+        scenes = [scene for scene in scenes_of(name, field) if read != "call" or field in base.read[scene]]
+        for factor in (0.5, 2.0) if scenes else ():
             change = {field: times(values[field], factor)}
             with tempfile.TemporaryDirectory() as folder:
                 if read == "call":
                     variant, other.changes = other, change
                 else:
                     variant = Variant(module, change, folder if read == "kernels" else None)
-                moved = compare(base, variant, scenes_of(name, field), ROUNDS[name], count)
-                if SECONDS < abs(moved["seconds"] - 1.0) < TWICE:  # by chance? then hardly twice
-                    again = compare(base, variant, scenes_of(name, field), ROUNDS[name], count)
-                    moved = min(moved, again, key=lambda change: _from_1(change["seconds"])) | {"series": 2}
-                measured[field][1][f"{factor:g}"] = moved
-                if variant is not other or "refused" in moved:
+                measured = compare(base, variant, scenes, ROUNDS[name], count, references)
+                if (
+                    ROUNDS[name] > 1 and SECONDS < abs(measured["seconds"] - 1.0) < TWICE
+                ):  # by chance? then hardly twice
+                    again = compare(base, variant, scenes, ROUNDS[name], count, references)
+                    measured = min(measured, again, key=lambda change: _from_1(change["seconds"])) | {"series": 2}
+                changes[f"{factor:g}"] = measured | {"scenes": scenes}
+                if variant is not other or "refused" in measured:
                     variant.end()
-                if variant is other and "refused" in moved:
+                if variant is other and "refused" in measured:
                     other = Variant(module, {})
-            print(change, moved, verdict(moved), flush=True)
+            print(change, measured, verdict(measured), flush=True)
+        found[field] = [values[field], changes]
+        write(name, found)
     base.end()
     other.end()
 
 
 def write(name, measured):
-    """Write the section of a table."""
+    """Write the section of a table; `measured` also has numbers that have left it."""
     module, values = tables()[name]
+    measured = {field: measured[field] for field in {UNCHANGED: None, **values, **measured} if field in measured}
     limits = [field for field in values if not scenes_of(name, field) and field not in measured]
-    moved_out = [f"`{field}`" for field in measured if field != UNCHANGED and field not in values]
-    rows, idle, refused = [], [], []
+    left = [field for field in values if scenes_of(name, field) and field not in measured]
+    unread = [field for field, (_, changes) in measured.items() if not changes]
+    gone = [f"`{field}`" for field in measured if field != UNCHANGED and field not in values]
+    rows, idle, refused, finer = [], [], [], name in REFERENCES
     for field, (value, changes) in measured.items():
         chance = ANEW if field not in values or when_read(module, field) == "kernels" else SECONDS
+        chance = SINGLE if ROUNDS[name] == 1 else chance
         verdicts = {factor: verdict(change, chance) for factor, change in changes.items()}
-        if field != UNCHANGED and set(verdicts.values()) <= {"nothing", "rounding"}:
+        if field != UNCHANGED and changes and set(verdicts.values()) <= {"nothing", "rounding"}:
             idle.append(f"`{field}`")
         for factor, change in changes.items():
-            numbers = [f"{change[key]:.1e}" if change[key] else "0" for key in RESULTS]
+            numbers = [f"{change[key]:.1e}" if change[key] else "0" for key in RESULTS[: -1 if finer else None]]
+            numbers += [f"{error:.1e}" for error in change.get("errors", [0.0, 0.0])] if finer else []
             rows.append(
                 [
                     field if field == UNCHANGED else f"`{field}`",
@@ -405,30 +466,40 @@ def write(name, measured):
             )
             if "refused" in change:
                 refused.append(f"* `{field}` times {factor}: {change['refused']}")
-    of_these = f"In the code where they are used, no longer in the table: {', '.join(moved_out)}." if moved_out else ""
-    if idle and moved_out == idle:
-        of_these = "They stand in the code where they are used, no longer in the table."
-    head = ["number", "value", "times", "survival", "estimate", "bins", "paths", "seconds", "moves"]
+    of_these = f"In the code where they are used, and no longer in the table: {', '.join(gone)}." if gone else ""
+    of_these = (
+        "They stand in the code where they are used, no longer in the table." if idle and gone == idle else of_these
+    )
+    compared = ["error before", "error"] if finer else ["paths"]
+    head = ["number", "value", "times", "survival", "estimate", "bins", *compared, "seconds", "moves"]
     scenes = sorted({scene for field in measured if field in values for scene in scenes_of(name, field)})
     twice = sum(change.get("series", 1) == 2 for _, changes in measured.values() for change in changes.values())
-    body = f"""**Result.** {len(idle)} of {len(measured) - 1} numbers move neither a result beyond rounding nor
+    of_paths = """the change below which 90 % of the angles and velocities
+of the paths of the same seed stay (of splitting: of its repeats, over the probability; near saddles rounding grows
+exponentially)"""
+    single, count = ROUNDS[name] == 1, len(measured) - 1 - len(unread)
+    turns = "one call" if single else f"{ROUNDS[name]} calls in turn"
+    of_seconds = f"Seconds count from {100 * SINGLE:.0f} % on: less is chance." if single else OF_SECONDS
+    of_errors = f"""the error of survival before and after, against a solution to {PART:g} of the tolerance
+(in that of the scenes {", ".join(REFERENCES.get(name, ()))} whose survival moves most)"""
+    body = f"""**Result.** {len(idle)} of {count} numbers move neither a result beyond rounding nor
 the seconds, halved or doubled{": " if idle else ""}{", ".join(idle)}.
 {of_these}
 
 Each number of `{module}` is halved and doubled in turn, integers rounded, tuples in all their parts, and the
 scenes that feel it are run beside the code as it is. Stated are the largest change of survival and of the error
-estimate, the sum of the changes of the probabilities in bins, the change below which 90 % of the angles and velocities
-of the paths of the same seed stay (of splitting: of its repeats, over the probability; near saddles rounding grows
-exponentially), and the ratio of the processor seconds that is farthest from 1, of {ROUNDS[name]} calls in turn on one
+estimate, the sum of the changes of the probabilities in bins, {of_errors if finer else of_paths},
+and the ratio of the processor seconds that is farthest from 1, of {turns} on one
 core{f"; of {twice} rows the nearer to 1 of two such series" if twice else ""}. Changes up to {ROUNDING:g} are rounding;
 "draws" says that other random numbers are drawn, and that survival moves by less than 3 of its standard errors.
-Seconds count from 3 % on, and from 10 % on where kernels are compiled anew: the same change compiled twice differed by
-that much.
+{of_seconds}
 
 {table(head, rows)}
 
 Scenes: {", ".join(scenes)}. Not measured, since they are limits of memory or of time beyond which a call is refused,
 warned of or parted, or since only calls of minutes feel them: {", ".join(f"`{field}`" for field in limits) or "none"}.
+{f"Read in none of these scenes: {', '.join(f'`{field}`' for field in unread)}." if unread else ""}
+{f"Still to be measured (`--missing`): {', '.join(f'`{field}`' for field in left)}." if left else ""}
 
 {NEWLINE.join(["Refused:", "", *refused]) if refused else ""}
 """
@@ -440,6 +511,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--table", choices=[*GROUPS], action="append", help="by default all")
     parser.add_argument("--only", default=".*", metavar="FIELD", help="a regular expression")
+    parser.add_argument("--missing", action="store_true", help="only numbers that the file does not have")
     parser.add_argument("--work", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.work:
@@ -447,13 +519,12 @@ def main():
         return
     for name in options.table or tables():
         file = DATA / f"{slug(f'Sensitivity: {name}')}.json"
-        measured = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
+        known = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
         try:
-            measure(name, options.only, measured)
+            measure(name, options.only, known, options.missing)
         finally:
-            if measured:
-                order = {UNCHANGED: None, **tables()[name][1], **measured}  # also numbers that have left the table
-                write(name, {field: measured[field] for field in order if field in measured})
+            if known:
+                write(name, known)
 
 
 if __name__ == "__main__":

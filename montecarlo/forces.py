@@ -17,7 +17,13 @@ from fpk_rocking.physics.motion import block as forces
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
 from montecarlo.engines.filtered import parameters_of, workspace_of
-from montecarlo.engines.filtered_noise import bound_noise, draw_first_states, draw_next_interval
+from montecarlo.engines.filtered_noise import (
+    bound_noise,
+    bound_part,
+    draw_first_states,
+    draw_next_interval,
+    draw_parts,
+)
 from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
 from montecarlo.results.histories import Histories
 
@@ -214,7 +220,8 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 def _write_filtered_noise(keys, parameters, places, values):
     """Write to `values` (count, n) the noise at places (n,), ascending times in intervals.
 
-    `keys` (4,) uint64 are those of the seed; `parameters`: those of the engine `filtered`.
+    Noise without a derivative is that of the parts of its intervals, in which it lifts blocks off. `keys` (4,) uint64
+    are those of the seed; `parameters`: those of the engine `filtered`.
     """
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):
@@ -226,8 +233,15 @@ def _write_filtered_noise(keys, parameters, places, values):
             while drawn < number:
                 draw_next_interval(stream, tables, noise)
                 drawn += 1
-            bound_noise(number % parameters.grid.count, tables, parameters.envelope, noise)
             share, row = places[k] - number, noise.bernstein
+            parts, j = noise.parts.shape[0], number % parameters.grid.count
+            if parts > 0:
+                draw_parts(tables.parts, noise)
+                part = min(int(parts * share), parts - 1)
+                share = parts * share - part
+                bound_part(j, part, tables.parts, parameters.envelope, noise)
+            else:
+                bound_noise(j, tables, parameters.envelope, noise, 0.0)
             for last in range(row.size - 1, 0, -1):
                 for i in range(last):
                     row[i] += share * (row[i + 1] - row[i])

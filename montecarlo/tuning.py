@@ -11,6 +11,7 @@ class Tuning(NamedTuple):
     # The engine "exact".
     exact_fewest: int = 12  # intervals in the forcing's shortest period at least; flights need no more
     exact_longest: float = 0.2  # longest interval: the polynomials of a flight are right to 1e-14 over it
+    gaussian_deviations: float = 12.0  # standard deviations that Gaussian band noise passes with a probability of 4e-33
     envelope_order: int = 8  # coefficients of an envelope that is not linear, in an interval: right to 1e-12
     # The engine "white".
     white_fewest: int = 16  # intervals in the forcing's shortest period at least
@@ -28,7 +29,10 @@ class Tuning(NamedTuple):
     filtered_fewest: int = 16  # intervals in the forcing's shortest period at least
     filtered_longest: float = 0.2  # longest interval
     filtered_smooth: float = 100.0  # longest interval x rate x `steps_per_cycle` of noise with a derivative: at 200
-    filtered_rough: float = 50.0  # half a correlation time; a quarter without, whose excursions lift a block off
+    filtered_rough: float = 50.0  # half a correlation time; a quarter without
+    filtered_parts: int = 16  # of an interval in which noise without a derivative may cause an event
+    filtered_margin: float = 2.0  # standard deviations of such noise from its polynomial that may cause one
+    filtered_slowest: float = 1.0  # speed over interval below which a block may come to rest in it
     filtered_intervals: int = 2**20  # most in a time scale of the forcing
     # Batches of realizations.
     batch_seconds: float = 0.3  # that a batch should take: short enough to be interrupted, long enough for all threads

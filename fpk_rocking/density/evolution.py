@@ -48,6 +48,7 @@ class Evolution(Saved, SurvivalResult):
         Probability of having overturned to the left and to the right.
     truncated : ndarray, shape (cycles + 1,)
         Probability truncated by the mesh: blocks faster than its largest velocity, or in cells that it does not follow.
+        It is the difference of ``1 - survival`` from the sum of `overturned`; `error_estimate` is no less.
     at_rest : ndarray, shape (cycles + 1,)
         Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
         this is their probability, which the density does not contain. Under white noise no block rests: this is the
@@ -211,7 +212,19 @@ class Evolution(Saved, SurvivalResult):
     def remarks(self) -> tuple[str, ...]:
         """Sentences that a reader needs: scene, noise and its check, what is not to be trusted, what is not judged."""
         check = check_remarks(self) if self.replacement else ()
-        return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, *check))))
+        return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, self.below_zero, *check))))
+
+    @property
+    def below_zero(self) -> str:
+        """By how much a probability of overturning is below 0, as a sentence; empty up to a hundredth of a millionth.
+
+        Where the density is not resolved it has small negative parts, and some of them overturn.
+        """
+        below = -min(float((1.0 - self.survival).min()), float(self.overturned.min()))
+        if below <= 1e-8:
+            return ""
+        error = f"{self.error_estimate:.1g}"
+        return f"A probability of overturning is {-below:.1g}: take it as 0, within the error {error}."
 
     @property
     def unresolved(self) -> str:

@@ -23,15 +23,9 @@ from fpk_rocking.density.periodic import CyclicPropagator, PeriodicState
 from fpk_rocking.density.propagator import Snapshot, Solution
 from fpk_rocking.density.resolution import Discretization
 from fpk_rocking.density.space.space import reflected
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import angle_remap_of
-from fpk_rocking.density.step.step import (
-    Characteristics,
-    Dynamics,
-    Quadrature,
-    Step,
-    mark_massive_cells,
-    with_neighbours,
-)
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, mark_massive_cells, with_neighbours
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.events import advance_through_events

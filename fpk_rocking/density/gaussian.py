@@ -6,7 +6,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.basis import find_cells
-from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics
 
 
 class Gaussian:

@@ -15,7 +15,8 @@ from fpk_rocking.density.filtered_start import spread_left
 from fpk_rocking.density.refinement import Refined
 from fpk_rocking.density.resolution import Discretization, cycle_of
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Characteristics, Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import limits

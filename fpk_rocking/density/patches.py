@@ -9,7 +9,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import patch_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.characteristics import points_of_cell
+from fpk_rocking.density.step.cells import points_of_cell
 from fpk_rocking.density.step.scatter import AffinePaths
 from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.density.tuning import TUNING

@@ -14,14 +14,8 @@ from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.propagator import Propagator, Snapshot
 from fpk_rocking.density.space.space import Space, reflected
 from fpk_rocking.density.startup import StartUp, takeover_step
-from fpk_rocking.density.step.step import (
-    Characteristics,
-    Dynamics,
-    Step,
-    mark_massive_cells,
-    overlapping_cells,
-    with_neighbours,
-)
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Step, mark_massive_cells, overlapping_cells, with_neighbours
 from fpk_rocking.scene.parts import Start
 
 

@@ -7,18 +7,18 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import FreeFlight
-from fpk_rocking.density.step.step import Dynamics
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
-_SCENE = Scene(
+SCENE = Scene(
     block=Block(0.5),
     forcing=Harmonic(4.6, 2.7, 0.0),
     noise=WhiteNoise(0.05),
     start=Start(),
     overturning=Overturning(),
 )
-_EXACT = _SCENE.varied(block=Block(0.5, critical_angle=0.3))
+_EXACT = SCENE.varied(block=Block(0.5, critical_angle=0.3))
 _USUAL = 1e-3
 
 
@@ -27,14 +27,14 @@ def flight():
     degree = RESOLUTIONS[USUAL[_USUAL]].degree
     space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), degree)
     free = np.ones(space.shape[:2], dtype=bool)
-    FreeFlight(space, free, Dynamics.of(_SCENE).affine(0.0, 0.1), 0.05, 0.1, 5).apply(
+    FreeFlight(space, free, Dynamics.of(SCENE).affine(0.0, 0.1), 0.05, 0.1, 5).apply(
         np.ones(space.shape), np.zeros(space.shape)
     )
 
 
 def solve():
     """Compile all kernels of a solution under white noise, by solving one cycle coarsely."""
-    solve_fpk(_SCENE, cycles=1, tol=_USUAL)
+    solve_fpk(SCENE, cycles=1, tol=_USUAL)
 
 
 def solve_exact():
@@ -44,7 +44,7 @@ def solve_exact():
 
 def filtered():
     """Compile the kernels that filtered noise needs beside those of `solve`."""
-    _carry_from_rest(_SCENE)
+    _carry_from_rest(SCENE)
 
 
 def filtered_exact():

@@ -17,7 +17,8 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space.mesh import extended_lines, graded_lines
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point
-from fpk_rocking.density.step.step import Dynamics, Quadrature
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.flight import flight_covariance

@@ -294,18 +294,20 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     negative = [space.negative_mass(np.where(moving, one, 0.0)) for one in densities[solution.resolved]]
     rested = solution.reinjected if at_rest is None else at_rest[1:].max()
     truncated = float(np.abs(solution.outflow[:, 2]).max())
+    probabilities = np.column_stack([solution.survival, 1.0 - solution.survival, solution.outflow[:, :2]])
+    negative_probability = -float(probabilities.min())
 
     def error(difference, bins_difference):
         """Error of survival from its estimate `difference` and that of the bins (L1).
 
-        It is larger for rest, and at least what is truncated.
+        It is larger for rest, and at least what is truncated, and what a probability is below 0.
         """
         scale = TUNING.rest_error_factor if rested > difference else 1.0
-        return max(scale * difference, TUNING.bins_part * bins_difference, truncated)
+        return max(scale * difference, TUNING.bins_part * bins_difference, truncated, negative_probability)
 
     return Level(
         solution=(propagator, solution),
-        quantity=np.column_stack([solution.survival, solution.outflow[:, :2]]),
+        quantity=probabilities[:, [0, 2, 3]],
         bins=bins,
         resolved=solution.resolved,
         error=error,
@@ -335,8 +337,11 @@ def _rest_error(levels):
 def _is_stagnated(refined):
     """Whether the density of a `Refined` will not be resolved by the finer solutions that are left.
 
-    They are taken to gain twice as many digits of negative mass as the last.
+    They are taken to gain twice as many digits of negative mass as the last. The first three solutions, of which each
+    has hardly more cells than the one before, do not decide it.
     """
+    if len(refined.levels) == SOLUTIONS:
+        return False
     now, before = refined.fine.negative_mass, refined.coarse.negative_mass
     ratio = min(now / before, TUNING.negative_mass_ratio) if before > 0.0 else TUNING.negative_mass_ratio
     limit = TUNING.unresolved_negative_mass

@@ -17,8 +17,9 @@ from fpk_rocking.density.gaussian import Gaussian, cell_size, exact_flight
 from fpk_rocking.density.patches import next_patch, patch_of
 from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.characteristics import event_cells
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.cells import event_cells
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
 
 
@@ -43,8 +44,8 @@ class StartUp:
         Fineness of the patches.
     period : float
         Of the forcing: nothing is carried further, but for `waiting`.
-    waiting : float
-        Time until which the forcing is known not to lift a block off that is at rest.
+    waiting : float, optional
+        Time after which the forcing lifts a block off that is at rest, where that is known.
 
     Attributes
     ----------
@@ -52,9 +53,10 @@ class StartUp:
         Longest time that the start is carried for.
     """
 
-    def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=0.0):
+    def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=None):
         self.dynamics, self.settings, self._cycle = dynamics, settings, period
-        self._waiting, self.longest = waiting, period + waiting
+        self._waiting, self._lift_off_is_known = waiting or 0.0, waiting is not None
+        self.longest = period + self._waiting
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
@@ -106,7 +108,9 @@ class StartUp:
     @property
     def _lifted_later(self):
         """Whether a block that begins at rest is lifted off later, without a time for which it is known to wait."""
-        return not self._waiting and self.starts_at_rest and self.dynamics.forcing.largest > self.dynamics.lift_off
+        if self._lift_off_is_known or not self.starts_at_rest:
+            return False
+        return self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):
         """Mass at a `time` that is within an angle and a velocity of the origin."""
@@ -143,7 +147,7 @@ class StartUp:
         longest = self.dynamics.forcing.shortest_period / TUNING.patch_steps_per_harmonic
         duration = min(self.settings.growth * (now.time + self._noise_time), longest)
         if self._rattles(now, duration):
-            duration = min(duration, self._longest_step_near_rest(now.time))
+            duration = min(duration, self._longest_step_near_rest(now))
         left = self.longest - now.time
         free = self._free_time(now, min(left, self._longest_flight)) if left > 0.0 else 0.0
         quiet = free >= duration
@@ -207,18 +211,24 @@ class StartUp:
         shift = 0.125 * alpha**2 * (1.0 + force) * gaussian.covariance[0, 0] * time**2
         return shift > TUNING.bent_gaussian * self.settings.growth
 
-    def _longest_step_near_rest(self, time):
-        """Longest step from a `time` on for a block that rattles at x = 0, and while it is lifted off.
+    def _longest_step_near_rest(self, now):
+        """Longest step from a `PatchDensity` on for a block that rattles at x = 0, and while it is lifted off.
 
         Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
         are a part of that; from |f| = 1 on they also grow with the time since.
         """
-        dynamics, growth = self.dynamics.averaged_over(time, 1e-6 * self._cycle), self.settings.growth
+        time, growth = now.time, self.settings.growth
+        dynamics = self.dynamics.averaged_over(time, 1e-6 * self._cycle)
         gap, change = dynamics.lift_off - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
             part = TUNING.rattle_step * lifting
-            return growth * max(part, self._cycle / TUNING.rattle_steps, TUNING.waiting_step * (self._waiting - time))
+            step = growth * max(part, self._cycle / TUNING.rattle_steps, TUNING.waiting_step * (self._waiting - time))
+            if self._waiting or self.starts_at_rest:
+                return step
+            # Of a block that has moved hardly anything rattles, and negative masses grow in steps without noise.
+            spread = TUNING.contact_step * np.diff(now.patch.velocity_lines).min()
+            return max(step, spread**2 / (2.0 * dynamics.diffusion))
         since, change = dynamics.since_lift_off(time)
         if since > time:
             return math.inf

@@ -20,7 +20,7 @@ import numpy as np
 from fpk_rocking.base.types import Array
 from fpk_rocking.density.resolution import in_rest
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.block import gravity_at_contact, saddle_speed
 

@@ -15,7 +15,8 @@ from fpk_rocking.density.propagator import Propagator, Snapshot
 from fpk_rocking.density.resolution import cycle_of
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.startup import StartUp, takeover_step
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Step, mark_massive_cells
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Step, mark_massive_cells
 from fpk_rocking.density.sticking import Sticking, density_at_rest
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene.parts import Start
@@ -33,12 +34,15 @@ class ReInjection(NamedTuple):
         Time at which it begins, and that at which the mesh takes over.
     mass : float
         Its probability.
+    resolved : bool
+        Whether the mesh resolves it when it takes over.
     """
 
     startup: StartUp
     origin: float
     takeover: float
     mass: float
+    resolved: bool
 
     def at(self, time: float, space: Space) -> tuple[Array, Array]:
         """Coefficients (``space.shape``) on a mesh at a `time` τ, and the outflow (3,) since it began."""
@@ -70,6 +74,8 @@ class TransientState:
         Whether something came to rest on the way: a start at rest is exact.
     spent : float
         Sum of the masses that were too small to be treated exactly.
+    narrow_until : float
+        Time until which the density is too narrow for the mesh.
     """
 
     edges: Array
@@ -80,6 +86,7 @@ class TransientState:
     reinjected: float = 0.0
     came_to_rest: bool = False
     spent: float = 0.0
+    narrow_until: float = 0.0
 
     @property
     def time(self) -> float:
@@ -161,6 +168,8 @@ class TransientPropagator(Propagator):
             state.injections.remove(arrived)
             coefficients, outflow = arrived.at(state.time, self.space)
             state.density, state.outflow = state.density + coefficients, state.outflow + outflow
+            if not arrived.resolved:
+                state.narrow_until = arrived.takeover + 0.9 * cycle_of(self.scene)
         return state
 
     def snapshot(self, state: TransientState) -> Snapshot:
@@ -174,7 +183,7 @@ class TransientPropagator(Propagator):
             coefficients, outflow = coefficients + more, outflow + left
         envelope = self.dynamics.envelope
         strength = 1.0 if envelope is None else envelope.value(state.time) ** 2
-        resolved = strength > TUNING.faded_noise and not state.injections
+        resolved = strength > TUNING.faded_noise and not state.injections and state.time >= state.narrow_until
         return Snapshot(coefficients, outflow, resolved=resolved, reinjected=state.reinjected)
 
     def _stick(self, state, time):
@@ -207,7 +216,9 @@ class TransientPropagator(Propagator):
             return near > TUNING.settled_part
 
         step = takeover_step(startup, self.space, after[: np.searchsorted(after, startup.longest) + 1], settled)
-        return ReInjection(startup, origin, origin + after[step], mass)
+        # Of what was lifted off later only a part of the density is as narrow.
+        resolved = origin > 0.0 or startup.resolution(after[step], self.space) >= TUNING.barely_resolved
+        return ReInjection(startup, origin, origin + after[step], mass, resolved or settled(after[step]))
 
     @property
     def _steps_may_be_long(self):

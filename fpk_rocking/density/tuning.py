@@ -168,6 +168,8 @@ class Tuning(NamedTuple):
     """The same in units of the time since the forcing lifted the block off."""
     waiting_step: float = 0.1
     """The same in units of the time until the forcing lifts the block off."""
+    contact_step: float = 0.5
+    """Least spread of the velocity by noise in a step next to x = 0, over a cell, for a block that began to move."""
     rattle_steps: float = 320.0
     """Most steps, over growth, of a cycle in which a block rattles."""
     patch_steps_per_harmonic: float = 16.0

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
@@ -14,7 +14,7 @@ from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator
-from fpk_rocking.horizon.plane import PlaneMap
+from fpk_rocking.horizon.plane import PlaneMap, SurvivalEstimate
 from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
@@ -23,35 +23,6 @@ from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
-
-
-class SurvivalEstimate(NamedTuple):
-    """Survival from the scene's start after given numbers of cycles, with error estimates.
-
-    Parameters
-    ----------
-    cycles : ndarray of int, shape (n,)
-        The numbers of cycles.
-    survival : ndarray, shape (n,)
-        Probability of not having overturned.
-    left_out : ndarray, shape (n,)
-        Estimated error from representing the density by its leading modes, where that is done.
-    error_estimate : ndarray, shape (n,)
-        Estimated error of survival: from the next coarser mesh and from the error of the escape rate, plus `left_out`.
-
-    Examples
-    --------
-    >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
-    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
-    >>> estimate = operator.estimate_survival([2, 4])
-    >>> print(estimate.survival.round(2), estimate.error_estimate < 1e-2)
-    [0.84 0.5 ] [ True  True]
-    """
-
-    cycles: np.ndarray
-    survival: np.ndarray
-    left_out: np.ndarray
-    error_estimate: np.ndarray
 
 
 class CycleOperator(Result, LinearOperator):

@@ -1,12 +1,41 @@
-"""Functions of the start, by the adjoint: a probability or a mean time for every state of the phase plane at once."""
+"""What the one-cycle operator answers: survival from the start of the scene, and by the adjoint from every start."""
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.types import Array, ArrayLike
 from fpk_rocking.density.space.space import Space
+
+
+class SurvivalEstimate(NamedTuple):
+    """Survival from the scene's start after given numbers of cycles, with error estimates.
+
+    Parameters
+    ----------
+    cycles : ndarray of int, shape (n,)
+        The numbers of cycles.
+    survival : ndarray, shape (n,)
+        Probability of not having overturned.
+    left_out : ndarray, shape (n,)
+        Estimated error from representing the density by its leading modes, where that is done.
+    error_estimate : ndarray, shape (n,)
+        Estimated error of survival: from the next coarser mesh and from the error of the escape rate, plus `left_out`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
+    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
+    >>> estimate = operator.estimate_survival([2, 4])
+    >>> print(estimate.survival.round(2), estimate.error_estimate < 1e-2)
+    [0.84 0.5 ] [ True  True]
+    """
+
+    cycles: np.ndarray
+    survival: np.ndarray
+    left_out: np.ndarray
+    error_estimate: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -7,7 +7,7 @@ from typing import Any
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.forcing.base import Forcing
 from fpk_rocking.physics.noise.filters import FILTERS
-from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise
+from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise, enough_harmonics
 from fpk_rocking.results.trust import CAUTION, VERDICTS, Diagnostic
 from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.scene import Scene
@@ -24,6 +24,9 @@ __all__ = [
     "scene_remarks",
     "scene_text",
 ]
+
+RARE = 0.05
+"""Probability of overturning below which the number of harmonics of band noise may change it by a factor."""
 
 UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
 
@@ -52,7 +55,8 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
         return f"{noise_text(dataclasses.replace(noise, envelope=None))}, envelope {noise.envelope}"
     if noise.kind == "band":
         low, high = noise.band
-        return f"band noise, variance {noise.variance:g} on [{low:g}, {high:g}], {noise.harmonics} harmonics"
+        harmonics = "stratified harmonics" if noise.frequencies == "stratified" else "harmonics"
+        return f"band noise, variance {noise.variance:g} on [{low:g}, {high:g}], {noise.harmonics} {harmonics}"
     if noise.kind == "white":
         return f"white noise, diffusion {noise.diffusion:.6g}"
     if noise.kind == "filtered":
@@ -123,8 +127,32 @@ def cautions(*results: Any) -> tuple[str, ...]:
 def scene_remarks(result: Any) -> tuple[str, ...]:
     """Sentences about the scene of a `Result`: on noise, sliding, what replaced the noise, a corrected baseline."""
     scene = result.scene
-    of = scene.noise.remark, _sliding(scene.block), getattr(result, "noise_replacement", "")
+    of = scene.noise.remark, _harmonics(result), _sliding(scene.block), getattr(result, "noise_replacement", "")
     return tuple(filter(None, (*of, baseline_remark([scene.forcing]))))
+
+
+def _harmonics(result):
+    """Say what the number of harmonics does to a probability of overturning by paths of band noise; else empty.
+
+    It is said of a small probability, and of stratified frequencies only where there are not `enough_harmonics`.
+    """
+    noise = result.scene.noise
+    sampled = noise.kind == "band" and getattr(result, "realizations", 0) > 0 and hasattr(result, "survival")
+    if not sampled or not 0.0 < 1.0 - result.survival[-1] < RARE:
+        return ""
+    enough = enough_harmonics(noise.band, float(result.times[-1]))
+    if noise.frequencies == "stratified":
+        if noise.harmonics >= enough:
+            return ""
+        return (
+            f"Few harmonics: noise of this band and duration has {enough} independent ones, and {noise.harmonics} are "
+            "drawn. So small a probability may be too large; with 100 in place of 248 it was so by a factor of 1.5."
+        )
+    return (
+        f"The frequencies of the {noise.harmonics} harmonics are drawn independently, so realizations differ in "
+        "strength. So small a probability is then larger than under Gaussian noise, with 100 harmonics by a factor of "
+        'up to 3: take frequencies = "stratified" unless this noise is meant.'
+    )
 
 
 def baseline_remark(forcings: Iterable[Forcing]) -> str:

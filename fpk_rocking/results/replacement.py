@@ -140,15 +140,17 @@ def check_remarks(density: Any) -> Iterator[str]:
     )
     noise, block = density.scene.noise, density.scene.block
     part = equivalence.relative_variance(noise, block.critical_angle)
-    spread = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
+    spread = ""
+    if noise.frequencies == "independent":
+        strength = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
+        spread = f"; realizations of {noise.harmonics} harmonics differ in strength by {100.0 * strength:.0f} %"
     rest = (
         f"; the forcing alone reaches {density.scene.forcing.largest:.3g}, a block at rest lifts off above "
         f"{block.lift_off:.4g}, and under white noise none rests"
     )
     yield (
         f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
-        f"Melnikov variance of equally strong white noise; realizations of {noise.harmonics} harmonics differ in "
-        f"strength by {100.0 * spread:.0f} %{'' if density.rests_exactly else rest}."
+        f"Melnikov variance of equally strong white noise{spread}{'' if density.rests_exactly else rest}."
     )
 
 

@@ -1,6 +1,7 @@
 """The annual frequency of a limit state under a hazard."""
 
 import dataclasses
+import functools
 import itertools
 import math
 from typing import Any
@@ -92,9 +93,10 @@ class Risk(Result):
         """
         lognormal = "its lognormal curve goes on"
         points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
+        fitted = self.curve.fitted and not self.curve.refined
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
-            "the fragility": (self.beyond_curve, lognormal if self.curve.fitted else points),
+            "the fragility": (self.beyond_curve, lognormal if fitted else points),
         }
         return [
             Diagnostic(
@@ -136,7 +138,9 @@ class Risk(Result):
             + ["blocks"] * bool(set(self.curve.sources) - {"noise", "record to record"})
             + ["noise"] * (not self.curve.jumps.size)
         )
-        through = "the lognormal curve" if self.curve.fitted else "the points, joined by lines"
+        through = (
+            "the lognormal curve" if self.curve.fitted and not self.curve.refined else "the points, joined by lines"
+        )
         through = "all intensities at which each motion overturns the block" if self.curve.jumps.size else through
         at_once = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
         wide = "" if self.curve.fitted else at_once
@@ -193,9 +197,9 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """Return the annual frequency of a limit state.
 
     The integral is taken over the logarithm of the intensity by Gauss-Legendre rules between the points of the hazard;
-    for a lognormal curve and a power law it is right to rounding (λ = k₀ M^(-k) exp(k²β²/2)). Without noise it is a
-    sum: each interval of intensities in which a motion overturns the block adds the difference of the hazard at its
-    ends.
+    for a lognormal curve and a power law it is right to rounding (λ = k₀ M^(-k) exp(k²β²/2)). A curve whose intensities
+    were refined counts by its points, whatever the fit. Without noise it is a sum: each interval of intensities in
+    which a motion overturns the block adds the difference of the hazard at its ends.
 
     Parameters
     ----------
@@ -224,11 +228,14 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     y, weights = _rule(curve, hazard)
     if np.isfinite(curve.jumps).any():
         return _by_jumps(curve, hazard, _limits(curve, y, weights * _density(np.ones_like, hazard, y)))
-    share = weights * _density(curve, hazard, y)
-    rate, (edges, contribution) = float(share.sum()), _contributions(curve, hazard, y, share)
+    by = _probability(curve)
+    share = weights * _density(by, hazard, y)
+    rate, (edges, contribution) = float(share.sum()), _contributions(by, hazard, y, share)
+    low, high = _limits(curve, y, weights * _density(np.ones_like, hazard, y))
     return Risk(
         rate,
-        _limits(curve, y, weights * _density(np.ones_like, hazard, y)),
+        # The limits of a fit are those of the population's curve; the mean over these motions is a point of them.
+        (min(low, rate), max(high, rate)) if curve.refined else (low, high),
         edges,
         contribution,
         _beyond(y, share, hazard.intensity),
@@ -237,6 +244,11 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
         curve,
         hazard,
     )
+
+
+def _probability(curve):
+    """Return the function of the intensity whose probabilities make the rate: along the points, or that of the fit."""
+    return functools.partial(curve.along, curve.probability) if curve.refined else curve
 
 
 def _by_jumps(curve, hazard, limits):
@@ -282,8 +294,9 @@ def _rule(curve, hazard):
     if curve.fitted:
         high += math.log(curve.fit.median) + _TAIL * spread
     else:
-        points = np.concatenate([points, np.log(curve.intensity)])
         high += math.log(curve.intensity[-1])
+    if curve.refined or not curve.fitted:
+        points = np.concatenate([points, np.log(curve.intensity)])
     width = min(0.25 * spread, 1.0 / steep)
     points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
     parts = [
@@ -300,10 +313,10 @@ def _gauss(edges):
     return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
 
 
-def _density(curve, hazard, y):
+def _density(probability, hazard, y):
     """Frequency in a unit of y = ln(im): |dH| = k H dy between two points of the hazard."""
     place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
-    return hazard.exponents[place] * hazard(np.exp(y)) * curve(np.exp(y))
+    return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
 
 
 def _limits(curve, y, density):
@@ -320,7 +333,7 @@ def _limits(curve, y, density):
     return low, high
 
 
-def _contributions(curve, hazard, y, share):
+def _contributions(probability, hazard, y, share):
     """Edges of 24 bins of intensity, in which all but a thousandth of the frequency lies, and its shares there."""
     total = share.sum()
     if not total > 0.0:
@@ -329,7 +342,7 @@ def _contributions(curve, hazard, y, share):
     low, high = y[np.searchsorted(part, [5e-4, 1.0 - 5e-4])].tolist()
     edges = np.linspace(low, high, 25)
     nodes, weights = _gauss(edges)
-    return np.exp(edges), (weights * _density(curve, hazard, nodes)).reshape(24, -1).sum(axis=1) / total
+    return np.exp(edges), (weights * _density(probability, hazard, nodes)).reshape(24, -1).sum(axis=1) / total
 
 
 def _beyond(y, share, points):

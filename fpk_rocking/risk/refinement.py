@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-MOVED, CLOSEST, MOST_INTENSITIES = 0.02, 0.02, 64
+MOVED, CLOSEST, MOST_INTENSITIES = 0.01, 0.02, 64
 """With noise intensities are added until the rate moves by less than this part, no closer in the logarithm than this to
 others, up to so many, or twice those asked for."""
 

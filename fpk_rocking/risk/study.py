@@ -327,7 +327,8 @@ def study(
         no intensities are added.
     intensities : array_like
         Intensities, ascending, in g or m/s. With noise others are added where the rate comes from, until they move it
-        by less than 2 %; without noise the rate does not depend on them, and the largest ends the search.
+        by less than 1 %, and the rate is by the points; without noise the rate does not depend on them, and the largest
+        ends the search.
     measure : str
         "PGV" (in m/s) or "PGA" (in g).
     units : str, optional
@@ -394,10 +395,12 @@ def study(
 
     def risk_of(curves):
         """Return the `Risk` of a `Fragility`, without the replicates of its limits."""
-        return annual_frequency(IntensityCurve.of(curves, measure, draws=draws, samples=1), not_none(exceeded))
+        curve = IntensityCurve.of(curves, measure, draws=draws, samples=1)
+        return annual_frequency(dataclasses.replace(curve, refined=True), not_none(exceeded))
 
     curves, added, moved = (sample(asked, 0), 0, 0.0) if exceeded is None else refined(sample, risk_of, asked)
     curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws), None
+    curve = dataclasses.replace(curve, refined=exceeded is not None and curves.motions is None)
     if curves.motions is not None and draws is None and _corrected(scenes):
         raw = recorded_scenes(scene, [shaken.forcing for shaken in scenes], baseline="none")
         raw = [at_intensity(shaken, measure, noise=scale_noise) for shaken in raw]

@@ -16,11 +16,23 @@ from fpk_rocking.base.types import File
 from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.physics.noise.kinds import HARMONICS, NOISES, BandNoise, FilteredNoise, NoNoise, WhiteNoise
+from fpk_rocking.physics.noise.kinds import (
+    FREQUENCIES,
+    HARMONICS,
+    NOISES,
+    BandNoise,
+    FilteredNoise,
+    NoNoise,
+    WhiteNoise,
+    enough_harmonics,
+)
 from fpk_rocking.scene.body import Body
 from fpk_rocking.scene.parts import Block, Overturning, Start
 from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
+
+NOISE_CYCLES = 30
+"""Forcing cycles for which band noise of a block with dimensions has `enough_harmonics`, unless they are given."""
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -194,7 +206,8 @@ class Scene:
         phase: float = 0.0,
         noise_rms_acceleration: float | str = 0.0,
         noise_band_hz: Sequence[float | str] | None = None,
-        harmonics: int = HARMONICS,
+        harmonics: int | None = None,
+        frequencies: str = "stratified",
         gravity: float = STANDARD_GRAVITY,
         start: Start = Start(),
         overturning: Overturning = Overturning(),
@@ -230,8 +243,11 @@ class Scene:
             Root mean square of the random base acceleration that is added to any of these, m/s²; 0 for none.
         noise_band_hz : (float, float), optional
             Lowest and highest frequency of the noise, Hz. Required where there is noise, refused where there is none.
-        harmonics : int
-            Number of harmonics of the noise.
+        harmonics : int, optional
+            Number of harmonics of the noise. By default 100, or more if 30 cycles, or the duration of a pulse or
+            record, need more: the width of the band in Hz times that duration in seconds.
+        frequencies : {"stratified", "independent"}
+            Of the harmonics, see `BandNoise`.
         gravity : float
             Acceleration of gravity, m/s².
         start, overturning : Start, Overturning
@@ -261,14 +277,14 @@ class Scene:
         noise: BandNoise | NoNoise = NoNoise()
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
-            noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)), harmonics)
+            noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)))
         if overturning_angle is not None:
             name = "overturning_angle"
             radians = checks.number(name, in_units(name, overturning_angle, "angle"), above=0.0)
             overturning = Overturning(radians / size.critical_angle)
         dimensions = None if isinstance(size, Body) else size
         block = Block(restitution, dimensions, slender=slender, body=body)  # type: ignore[arg-type]  # None: from the size
-        return cls(block, forcing, noise, start, overturning)
+        return _with_harmonics(cls(block, forcing, noise, start, overturning), harmonics, frequencies)
 
     @classmethod
     def from_toml(cls, text: str, folder: File = ".", changes: Mapping[str, Any] | None = None) -> Self:
@@ -279,7 +295,8 @@ class Scene:
         text : str
             The tables ``[block]``, ``[forcing]`` and ``[noise]`` are required, ``[start]`` and ``[overturning]`` are
             optional. Their keys are the parameters of the classes, and the following: ``noise.kind`` is "band",
-            "white", "filtered" or "none"; ``noise.filter`` is a name, or a table of the kind "linear" or
+            "white", "filtered" or "none"; band noise of a block with dimensions has the ``frequencies`` and
+            ``harmonics`` of `from_block` by default; ``noise.filter`` is a name, or a table of the kind "linear" or
             "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
             ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
             ``file`` in place of ``interval`` and ``samples``. Of a block with a size quantities may have units:
@@ -314,7 +331,9 @@ class Scene:
         for name, table in tables.items():
             plain_table = without_units(name, checks.table(name, table), block.size)
             parts[name] = read_part(name, plain_table, folder)
-        return cls(**parts)
+            tables[name] = plain_table
+        noise = tables["noise"]
+        return _with_harmonics(cls(**parts), noise.get("harmonics"), noise.get("frequencies", FREQUENCIES[1]))
 
     def to_toml(self) -> str:
         """Return the scene as TOML text, samples of a record included; `from_toml` reads it back."""
@@ -379,6 +398,21 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
 def _fields(value):
     """Return the fields of a dataclass object as a dict by name, themselves and not copied."""
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+
+
+def _with_harmonics(scene, harmonics, frequencies):
+    """Return a scene, whose band noise, if its block has a size, has these `harmonics` and `frequencies`.
+
+    Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for `NOISE_CYCLES`.
+    """
+    noise, forcing = scene.noise, scene.forcing
+    if scene.block.size is None or noise.kind != "band":
+        return scene
+    if harmonics is None:
+        duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
+        stratified = frequencies == FREQUENCIES[1]
+        harmonics = max(HARMONICS, enough_harmonics(noise.band, duration)) if stratified else HARMONICS
+    return dataclasses.replace(scene, noise=dataclasses.replace(noise, harmonics=harmonics, frequencies=frequencies))
 
 
 def _change(document, name, value):

@@ -60,6 +60,9 @@ class IntensityCurve(Result):
         0) with noise.
     model : tuple of Diagnostic
         What speaks against scenes, noise and engine.
+    refined : bool
+        Whether the intensities were chosen so that a rate by the points, joined by lines, does not depend on them
+        (`fpk_rocking.risk.study`). It then is by the points though there is a fit, which does depend on them.
 
     Examples
     --------
@@ -88,6 +91,7 @@ class IntensityCurve(Result):
     scenes: tuple[Scene, ...] = ()
     jumps: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0, 0)))
     model: tuple[Diagnostic, ...] = ()
+    refined: bool = False
 
     @property
     def unit(self) -> str:
@@ -117,7 +121,7 @@ class IntensityCurve(Result):
         Parameters
         ----------
         points : ndarray, shape (n,)
-            Probabilities at the intensities of this curve; where they fall, the largest so far counts.
+            Probabilities at the intensities of this curve.
         intensity : float or ndarray
             Above 0.
 
@@ -125,7 +129,7 @@ class IntensityCurve(Result):
         -------
         float or ndarray
         """
-        points, away = np.maximum.accumulate(points), np.log(np.asarray(intensity) / self.intensity[0])
+        away = np.log(np.asarray(intensity) / self.intensity[0])
         lowest = scipy.special.ndtri(min(points[0], 1.0 - 0.5 / max(self.units, 2)))
         joined = np.interp(away, np.log(self.intensity / self.intensity[0]), points)
         return np.where(away < 0.0, scipy.special.ndtr(lowest + away / self.tail), joined)

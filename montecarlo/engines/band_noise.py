@@ -22,7 +22,7 @@ from fpk_rocking.physics.motion.slender_interval import Interval, interval_table
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.band import OVERSAMPLING, WIDTH, evaluate_compensation, interpolant_polynomials
 from montecarlo.engines.engine import TimeGrid, time_grid
-from montecarlo.engines.random import draw_start, start_parameters, uniform_pairs
+from montecarlo.engines.random import draw_start, start_parameters, uniform, uniform_pairs
 from montecarlo.tuning import TUNING
 
 HALF = 8
@@ -32,12 +32,18 @@ CHUNK = 2 * HALF + 1
 
 
 class Band(NamedTuple):
-    """Lowest frequency and width of the band in turns per table period; amplitude and number of the harmonics."""
+    """Lowest frequency and width of the band in turns per table period; amplitude and number of the harmonics.
+
+    `parts`: equal parts of the band, in each of which there is the same number of harmonics; 1 for independent ones.
+    `gaussian`: whether the amplitudes are random, and `weight` is the root of their mean square.
+    """
 
     low_ratio: float
     ratio_width: float
     weight: float
     harmonics: int
+    parts: int
+    gaussian: bool
 
 
 def band_of_scene(scene, period):
@@ -46,10 +52,12 @@ def band_of_scene(scene, period):
     Without noise it has no harmonics.
     """
     if scene.noise.kind != "band":
-        return Band(0.0, 0.0, 0.0, 0)
+        return Band(0.0, 0.0, 0.0, 0, 1, False)
     low, high = (frequency * period / (2.0 * math.pi) for frequency in scene.noise.band)
     weight = math.sqrt(2.0 * scene.noise.variance / scene.noise.harmonics)
-    return Band(low, high - low, weight, scene.noise.harmonics)
+    stratified = scene.noise.frequencies == "stratified"
+    parts = scene.noise.harmonics if stratified else 1
+    return Band(low, high - low, weight, scene.noise.harmonics, parts, stratified)
 
 
 @kernel(inline="always")
@@ -62,8 +70,13 @@ def draw_start_and_noise(stream, start, band, harmonics):
     angle, velocity = draw_start(stream, start)
     uniform_pairs(stream, harmonics.ratios, harmonics.phases, band.harmonics)
     for n in range(band.harmonics):
-        harmonics.ratios[n] = band.low_ratio + band.ratio_width * harmonics.ratios[n]
+        share = (n % band.parts + harmonics.ratios[n]) / band.parts
+        harmonics.ratios[n] = band.low_ratio + band.ratio_width * share
         harmonics.weights[n] = band.weight
+    if band.gaussian:
+        # Exponential in square, of mean 1: two Gaussian coefficients, of the cosine and of the sine.
+        for n in range(band.harmonics):
+            harmonics.weights[n] *= math.sqrt(-math.log(1.0 - uniform(stream)))
     return angle, velocity
 
 
@@ -164,6 +177,16 @@ def interpolate(out, base, s, g, k):
         third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
         fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
         out[n] = base[n] + ((first + second) + (third + fourth))
+
+
+def _largest_noise(noise, harmonics):
+    """Return a bound of band noise less its envelope, or 0 without noise; `harmonics`: its `Band`.
+
+    Equal amplitudes have a sum. Gaussian noise has none, but passes `gaussian_deviations` in no path ever computed.
+    """
+    if harmonics.gaussian:
+        return math.sqrt(noise.variance) * TUNING.gaussian_deviations
+    return harmonics.weight * harmonics.harmonics
 
 
 class EnvelopePieces(NamedTuple):
@@ -297,7 +320,7 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     particular = forcing.pieces(middles)
     low, high = np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
-    loudest = harmonics.weight * harmonics.harmonics * largest_envelope(envelope, grid)
+    loudest = _largest_noise(scene.noise, harmonics) * largest_envelope(envelope, grid)
     parts = envelope_pieces(envelope, middles, half)
     if exact:
         flight = _collocation(force_series(particular), envelope, polynomials, middles, grid.spacing)

@@ -39,8 +39,10 @@ from montecarlo.engines.filtered_noise import (
     NoiseWorkspace,
     allocate_noise,
     bound_noise,
+    bound_part,
     draw_first_states,
     draw_next_interval,
+    draw_parts,
     envelope_tables,
     noise_tables,
     polynomial_degree,
@@ -200,13 +202,24 @@ _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 
 @kernel(inline="always")
+def _takes_parts(state, side, parameters):
+    """Whether a block that is in a state, (angle, velocity), at an interval's begin is moved by the noise in its parts.
+
+    It is at rest, or so slow that it may come to rest. `parameters`: the engine's `Parameters`.
+    """
+    parts = parameters.noise.parts
+    return parts.gain.shape[0] > 0 and (side == 0 or abs(state[1]) < parts.slowest)
+
+
+@kernel(inline="always")
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Whether interval j surely has no event, and (angle, velocity) at its end if so.
 
     `state` is (angle, velocity) at its begin; the noise's Bernstein coefficients are written to the `Workspace`.
     `parameters`: the engine's `Parameters`; `number` is not used.
     """
-    low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise)
+    margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
+    low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise, margin)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
     if side == 0:
         return not can_lift_off(low, high, parameters.block), state
@@ -273,42 +286,63 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 
 @kernel(fastmath={"contract"})
-def _build_force_in_piece(j, piece, parameters, workspace):
-    """Write to `workspace.particular` P of forcing and noise in a piece of the envelope in interval j.
+def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
+    """Write to `workspace.particular` P of forcing and noise from a time in interval j on.
 
-    For an exact block it is the force. `piece` is the number of the piece in `EnvelopeTables`, and time counts from its
-    begin. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    For an exact block it is the force. The noise's polynomial counts from the begin of its part, `since` before `time`;
+    the envelope is `value` + `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters`
+    and `Workspace`.
     """
-    particular, force, share, envelope = workspace.particular, workspace.force, workspace.share, parameters.envelope
-    begin, value, slope = envelope.begins[piece], envelope.strength[piece, 0], envelope.strength[piece, 1]
-    move_origin(workspace.noise.signal, begin, share)
+    particular, force, share = workspace.particular, workspace.force, workspace.share
+    move_origin(workspace.noise.signal, since, share)
     for k in range(TERMS):
         force[k] = value * share[k] + (slope * share[k - 1] if k > 0 else 0.0)
     _write_particular(force, share, parameters.block)
-    move_origin(parameters.forced[j], begin, particular)
+    move_origin(parameters.forced[j], time, particular)
     for k in range(TERMS):
         particular[k] += share[k]
 
 
 @kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
-    """Carry a block under an envelope from the begin of interval j to a time `until` since then.
+    """Carry a block through the parts of the noise and the pieces of its envelope in interval j.
 
-    Returns x, v, side and the time, since that begin, of overturning or `until`. The begin is at `origin` since τ = 0;
-    `impacts` is an `ImpactRecord`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    It is carried from the interval's begin, at `origin` since τ = 0, to a time `until` since then. Returns x, v, side
+    and the time, since that begin, of overturning or `until`. `impacts` is an `ImpactRecord`. `parameters`,
+    `workspace`: the engine's `Parameters` and `Workspace`.
     """
-    time = 0.0
-    for piece in range(parameters.envelope.first[j], parameters.envelope.first[j + 1]):
-        begin, end = parameters.envelope.begins[piece], min(parameters.envelope.ends[piece], until)
+    noise, envelope, block = workspace.noise, parameters.envelope, parameters.block
+    enveloped, count = envelope.strength.size > 0, 1
+    if _takes_parts((x, v), side, parameters):
+        count = noise.parts.shape[0]
+        draw_parts(parameters.noise.parts, noise)
+    piece, length = envelope.first[j] if enveloped else 0, parameters.grid.spacing / count
+    for part in range(count):
+        begin = part * length
+        stop = min(begin + length, until) if part + 1 < count else until
         if begin >= until:
             break
-        _build_force_in_piece(j, piece, parameters, workspace)
-        last, block = end - begin, parameters.block
-        x, v, side, time = _advance(x, v, side, 0.0, last, last, workspace, impacts, origin + begin, block)
-        time += begin
-        if abs(x) >= parameters.block.cutoff:
-            break
-    return x, v, side, time
+        if count > 1:
+            low, high = bound_part(j, part, parameters.noise.parts, envelope, noise)
+            if side == 0 and not can_lift_off(low + parameters.low[j], high + parameters.high[j], block):
+                continue
+            write_polynomial(parameters.noise.parts, noise)
+        time = begin
+        while time < stop:
+            value, slope, end = 1.0, 0.0, stop
+            if enveloped:
+                while envelope.ends[piece] <= time and piece + 1 < envelope.first[j + 1]:
+                    piece += 1
+                slope = envelope.strength[piece, 1]
+                value = envelope.strength[piece, 0] + slope * (time - envelope.begins[piece])
+                end = min(envelope.ends[piece], stop) if piece + 1 < envelope.first[j + 1] else stop
+            _build_force_in_piece(j, time, time - begin, value, slope, parameters, workspace)
+            last = end - time
+            x, v, side, reached = _advance(x, v, side, 0.0, last, last, workspace, impacts, origin + time, block)
+            if abs(x) >= block.cutoff:
+                return x, v, side, time + reached
+            time = end
+    return x, v, side, until
 
 
 @kernel(inline="always")
@@ -321,7 +355,7 @@ def _step_with_events(state, end, side, number, j, share, cycle, parameters, wor
     """
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state
-    if parameters.envelope.strength.size > 0:
+    if parameters.envelope.strength.size > 0 or _takes_parts(state, side, parameters):
         x, v, side, time = _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin)
     else:
         span, block = parameters.grid.spacing, parameters.block

@@ -5,6 +5,12 @@ their exact Gaussian law: the filter's states z at the interval's end, and the a
 the flight. The noise within the interval is the polynomial of least degree that has the drawn states at both ends and
 moves a flight by what was drawn: the conditional mean of the noise given all that, but for terms of relative order
 (interval times the filter's rate).
+
+Noise without a derivative crosses the level of lift-off between two such states, and keeps a block rattling that a
+smooth force would let rest. Where an event cannot be excluded it is therefore drawn in equal parts of the interval
+too, given all that was drawn for the interval: parts are drawn forward from the states at the begin, and what they miss
+at the end is shared out by its covariance with each part, which is exact for Gaussian noise. Their random numbers
+are a function of the interval's, so that the noise is the same function of time whether its parts are drawn or not.
 """
 
 import math
@@ -17,7 +23,27 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.particular import impulse_response
 from fpk_rocking.physics.noise.state_space import transition_and_factor
-from montecarlo.engines.random import normal
+from montecarlo.engines.random import hash_word, normal
+from montecarlo.tuning import TUNING
+
+
+class PartTables(NamedTuple):
+    """Law of noise without a derivative over equal parts of an interval; m of them, or 0 where none are drawn.
+
+    `move`, `spread`, `shape`, `powers`: as of `NoiseTables`, for a part. `hyperbolic` (2,): cosh and sinh of its
+    duration. `gain` (m, n + 2, n + 2): by how much each part is changed for what they miss in the end. `margin`: how
+    far the noise may leave its polynomial over the interval, times the envelope. `slowest`: speed below which a block
+    may come to rest in an interval.
+    """
+
+    move: np.ndarray
+    spread: np.ndarray
+    shape: np.ndarray
+    powers: np.ndarray
+    hyperbolic: np.ndarray
+    gain: np.ndarray
+    margin: float
+    slowest: float
 
 
 class NoiseTables(NamedTuple):
@@ -26,7 +52,7 @@ class NoiseTables(NamedTuple):
     `stationary` (n, n): Cholesky factor of the states at τ = 0, of noise of variance 1. `move` (n + 2, n), `spread`
     (n + 2, n + 2): mean and Cholesky factor of states, angle and velocity at an interval's end. `shape`
     (d + 1, 2n + 2): Bernstein coefficients of the polynomial from the states at both ends and the flight; `powers`
-    (d + 1, d + 1): its coefficients in the time from them.
+    (d + 1, d + 1): its coefficients in the time from them. `parts`: of the interval.
     """
 
     stationary: np.ndarray
@@ -34,15 +60,25 @@ class NoiseTables(NamedTuple):
     spread: np.ndarray
     shape: np.ndarray
     powers: np.ndarray
+    parts: PartTables
 
 
 def noise_tables(noise, span):
-    """Return the `NoiseTables` of filtered noise (`scene.noise`) for intervals of a duration `span`.
+    """Return the `NoiseTables` of filtered noise (`scene.noise`) for intervals of a duration `span`."""
+    space, sigma = noise.space, math.sqrt(noise.variance)
+    move, spread = _law(space, span, sigma)
+    parts = _part_tables(space, span, sigma)
+    return NoiseTables(
+        np.linalg.cholesky(space.correlation), move, spread, *_polynomial_tables(space, span, sigma), parts
+    )
+
+
+def _law(space, span, sigma):
+    """Return `move` and `spread` of `NoiseTables`, for a filter (`StateSpace`), a duration `span`, and a σ.
 
     Time counts in intervals here, and the flight accordingly: every entry is then about 1 or less, and none lost in the
     rounding of another.
     """
-    space = noise.space
     n = space.order
     drift = np.zeros((n + 2, n + 2))
     drift[:n, :n] = span * space.drift
@@ -50,10 +86,29 @@ def noise_tables(noise, span):
     source = np.append(math.sqrt(span) * space.input, [0.0, 0.0])
     phi, spread = transition_and_factor(drift, source, 1.0)
     # Angle and velocity of the flight in their own units, and as strong as the noise.
-    sigma = math.sqrt(noise.variance)
     sizes = np.append(np.ones(n), [sigma * span * span, sigma * span])[:, None]
-    shape, powers = _polynomial_tables(space, span, sigma)
-    return NoiseTables(np.linalg.cholesky(space.correlation), sizes * phi[:, :n], sizes * spread, shape, powers)
+    return sizes * phi[:, :n], sizes * spread
+
+
+def _part_tables(space, span, sigma):
+    """Return the `PartTables` of a filter (`StateSpace`), intervals of a duration `span`, and a σ."""
+    n, count = space.order, 0 if space.smooth or sigma == 0.0 else TUNING.filtered_parts
+    length = span / max(count, 1)
+    move, spread = _law(space, length, sigma)
+    keep, swap = math.cosh(length), math.sinh(length)
+    # All as linear functions of the m (n + 2) normal numbers that are drawn for the parts.
+    drawn, ends = np.zeros((count, n + 2, count * (n + 2))), np.zeros((n + 2, count * (n + 2)))
+    for k in range(count):
+        drawn[k] = move @ ends[:n]
+        drawn[k, :, k * (n + 2) : (k + 1) * (n + 2)] += spread
+        ends = drawn[k] + np.concatenate([np.zeros((n, ends.shape[1])), [[keep, swap], [swap, keep]] @ ends[n:]])
+    sizes = np.linalg.norm(ends, axis=1) if count else np.ones(n + 2)
+    gain = drawn @ (np.linalg.pinv(ends / sizes[:, None]) / sizes)
+    # A Brownian bridge as rough as the noise has this standard deviation at its middle.
+    bridge = 0.5 * sigma * abs(float(space.output @ space.input)) * math.sqrt(span)
+    margin = TUNING.filtered_margin * bridge if count else 0.0
+    shape, powers = _polynomial_tables(space, length, sigma)
+    return PartTables(move, spread, shape, powers, np.array([keep, swap]), gain, margin, TUNING.filtered_slowest * span)
 
 
 def polynomial_degree(space):
@@ -171,20 +226,25 @@ class NoiseWorkspace(NamedTuple):
 
     `drawn` (2n + 2,): the states at the begin and at the end of the interval, and the angle and velocity that the noise
     adds to a flight over it. `normals` (n + 2,): scratch. `bernstein` (d + 1,): its Bernstein coefficients; `signal`
-    (TERMS,): its coefficients in the time since the interval's begin.
+    (TERMS,): its coefficients in the time since the interval's begin. `stream` (8,) uint64: random numbers of its
+    parts, and as far as these are drawn; `parts` (m, 2n + 2): what `drawn` is, for each of them.
     """
 
     drawn: np.ndarray
     normals: np.ndarray
     bernstein: np.ndarray
     signal: np.ndarray
+    stream: np.ndarray
+    parts: np.ndarray
 
 
 @kernel
 def allocate_noise(tables):
     """Allocate a `NoiseWorkspace` of the sizes of `tables`, `NoiseTables`."""
     n, terms = tables.stationary.shape[0], tables.powers.shape[0]
-    return NoiseWorkspace(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS))
+    parts = np.zeros((tables.parts.gain.shape[0], 2 * n + 2))
+    words = np.zeros(8, np.uint64)
+    return NoiseWorkspace(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS), words, parts)
 
 
 @kernel
@@ -208,46 +268,103 @@ def draw_next_interval(stream, tables, noise):
     They are drawn from `stream` by `NoiseTables` into `drawn` of a `NoiseWorkspace`, whose last states become the
     first.
     """
-    drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
+    drawn, n = noise.drawn, tables.stationary.shape[0]
     for i in range(n):
         drawn[i] = drawn[n + i]
+    _draw_ends(stream, tables.move, tables.spread, drawn, noise.normals)
+    if noise.parts.shape[0] > 0:
+        for i in range(4):
+            noise.stream[i] = hash_word(stream[i])
+
+
+@kernel(fastmath={"contract"}, forceinline=True)
+def _draw_ends(stream, move, spread, drawn, normals):
+    """Draw into `drawn` (2n + 2,), whose first n are states at a begin, the states at the end and the flight.
+
+    `move`, `spread`: as of `NoiseTables`; `normals` (n + 2,): scratch; `stream`: random numbers.
+    """
+    n = move.shape[1]
     for i in range(n + 2):
         normals[i] = normal(stream)
     for i in range(n + 2):
         total = 0.0
         for k in range(n):
-            total += tables.move[i, k] * drawn[k]
+            total += move[i, k] * drawn[k]
         for k in range(i + 1):
-            total += tables.spread[i, k] * normals[k]
+            total += spread[i, k] * normals[k]
         drawn[n + i] = total
 
 
-@kernel(fastmath={"contract"}, forceinline=True)
-def bound_noise(j, tables, envelope, noise):
-    """Write the noise in interval j, less its envelope, as Bernstein coefficients; return bounds (low, high) of it.
+@kernel(fastmath={"contract"})
+def draw_parts(tables, noise):
+    """Draw the noise in the parts of an interval, given what was drawn for the interval, into a `NoiseWorkspace`.
 
-    `noise` is a `NoiseWorkspace`: `drawn` (2 n + 2,), with n states of the filter, is read, and the coefficients go to
-    `bernstein` (d + 1,). The bounds are with the envelope: the polynomial lies between its coefficients. `tables`:
-    `NoiseTables`; `envelope`: `EnvelopeTables`.
+    `tables` are `PartTables`. Called again for the interval it draws the same.
+    """
+    rows, drawn, missing, n = noise.parts, noise.drawn, noise.normals, noise.normals.size - 2
+    x, v, stream = 0.0, 0.0, noise.stream[4:]
+    stream[:] = noise.stream[:4]
+    for k in range(rows.shape[0]):
+        for i in range(n):
+            rows[k, i] = drawn[i] if k == 0 else rows[k - 1, n + i]
+        _draw_ends(stream, tables.move, tables.spread, rows[k], noise.normals)
+        x, v = (
+            tables.hyperbolic[0] * x + tables.hyperbolic[1] * v + rows[k, 2 * n],
+            tables.hyperbolic[1] * x + tables.hyperbolic[0] * v + rows[k, 2 * n + 1],
+        )
+    for i in range(n):
+        missing[i] = drawn[n + i] - rows[rows.shape[0] - 1, n + i]
+    missing[n], missing[n + 1] = drawn[2 * n] - x, drawn[2 * n + 1] - v
+    for k in range(rows.shape[0]):
+        for i in range(n + 2):
+            for m in range(n + 2):
+                rows[k, n + i] += tables.gain[k, i, m] * missing[m]
+        for i in range(n if k > 0 else 0):
+            rows[k, i] = rows[k - 1, n + i]
+
+
+@kernel(fastmath={"contract"}, forceinline=True)
+def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
+    """Write to `bernstein` (d + 1,) the coefficients `shape` (d + 1, 2n + 2) of what is `drawn` (2n + 2,).
+
+    Returns bounds (low, high) of the noise with the `EnvelopeTables` `envelope` in interval j: the polynomial lies
+    between its coefficients, and the noise not farther from it than a `margin`.
     """
     low, high = math.inf, -math.inf
-    for i in range(noise.bernstein.size):
+    for i in range(bernstein.size):
         value = 0.0
-        for k in range(noise.drawn.size):
-            value += tables.shape[i, k] * noise.drawn[k]
-        noise.bernstein[i] = value
+        for k in range(drawn.size):
+            value += shape[i, k] * drawn[k]
+        bernstein[i] = value
         low, high = min(low, value), max(high, value)
+    low, high = low - margin, high + margin
     if envelope.strongest.size > 0:
         most = envelope.strongest[j]
         return min(most * low, 0.0), max(most * high, 0.0)
     return low, high
 
 
+@kernel(fastmath={"contract"}, forceinline=True)
+def bound_noise(j, tables, envelope, noise, margin):
+    """Write the noise in interval j, less its envelope, as Bernstein coefficients; return bounds (low, high) of it.
+
+    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds are with the envelope, for
+    noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
+    """
+    return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)
+
+
+@kernel(fastmath={"contract"})
+def bound_part(j, k, tables, envelope, noise):
+    """As `bound_noise`, for part k of interval j, whose `PartTables` are `tables`."""
+    return _write_bernstein(j, tables.shape, noise.parts[k], noise.bernstein, 0.0, envelope)
+
+
 @kernel(fastmath={"contract"})
 def write_polynomial(tables, noise):
-    """Write the coefficients `signal` of the noise in an interval from its Bernstein coefficients.
+    """Write the coefficients `signal` of the noise in an interval, or a part, from its Bernstein coefficients.
 
-    Both are in a `NoiseWorkspace`; `tables` are `NoiseTables`.
+    Both are in a `NoiseWorkspace`; `tables` are `NoiseTables`, or `PartTables`.
     """
     signal, bernstein = noise.signal, noise.bernstein
     signal[:] = 0.0

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import borrowed, own
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.physics.motion import TERMS
@@ -188,19 +189,25 @@ def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
     (4,) of a seed, its number `repeat` among the repeats, and the walkers. `parameters`: those of the engine `white`;
     `scores`: a `ScoreTable`.
     """
+    # A count of references would cost more than the steps.
+    keys, parameters, scores, overturned = borrowed((keys, parameters, scores, overturned))
     intervals = parameters.grid.count
     steps = (overturned.shape[0] - 1) * intervals
-    population = allocate_population(walkers, steps)
+    owned = allocate_population(walkers, steps)
+    population = borrowed(owned)
     # No two paths share a stream, nor one with a realization of an ensemble: those have the numbers below 2^32.
     name = (repeat + 1) << 32
-    chooser = open_stream(keys, name)
+    own_chooser = open_stream(keys, name)
+    chooser = borrowed(own_chooser)
     for i in range(walkers):
         _begin_walker(chooser, i, population, parameters, scores)
     while True:
         for i in range(walkers):
             if population.unfinished[i]:
                 name += 1
-                _continue_walker(open_stream(keys, name), i, population, steps, parameters, scores)
+                stream = open_stream(keys, name)
+                _continue_walker(borrowed(stream), i, population, steps, parameters, scores)
+                own(stream)
         if not raise_level(population, chooser):
             break
     if population.weight[0] > 0.0:
@@ -209,4 +216,6 @@ def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
             side = int(population.state[i, k, 2])
             for cycle in range(-(-population.step[i, k] // intervals), overturned.shape[0]):
                 overturned[cycle, (side + 1) // 2] += population.weight[0] / walkers
-    return population.levels[0], population.killed[0]
+    counts = population.levels[0], population.killed[0]
+    own((owned, own_chooser))
+    return counts

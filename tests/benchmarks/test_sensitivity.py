@@ -32,3 +32,13 @@ def test_numbers_that_kernels_read_are_told_from_those_that_they_do_not():
     module = TABLES["montecarlo"][0]
     assert sensitivity.when_read(module, "bounce_slowest") == "kernels"
     assert sensitivity.when_read(module, "batch_seconds") == "call"
+
+
+def test_a_table_notes_which_numbers_are_read():
+    numbers, read = sensitivity.recording(importlib.import_module(TABLES["density"][0]).TUNING)
+    assert numbers.safety == TABLES["density"][1]["safety"]
+    assert read == {"safety"}
+    halved = sensitivity.changed(numbers, {"safety": 0.7})
+    read.clear()
+    assert (halved.safety, halved.resolved, type(halved)) == (0.7, numbers.resolved, type(numbers))
+    assert read == {"safety", "resolved"}

@@ -90,8 +90,8 @@ def test_fpk_prints_one_json_object(engines):
 def test_noise_that_was_replaced_is_sampled_beside_the_density(engines):
     """Also by `compare`, unless its own ensemble has the noise of the scene and enough paths."""
     asked = {"scene": load_scene(MAIN), "cycles": 3, "realizations": 40_000, "seed": 2}
-    for given in (["fpk", MAIN], ["compare", MAIN], ["compare", MAIN, "--method", "white", "--realizations", 50_000]):
-        status, out, _ = run(*given, "--cycles", 3)
+    for words in (["fpk", MAIN], ["compare", MAIN], ["compare", MAIN, "--method", "white", "--realizations", 50_000]):
+        status, out, _ = run(*words, "--cycles", 3)
         assert (status, engines.checks.pop()) == (0, asked)
         assert "40,000 paths under the noise of the scene (exact, seed 2," in " ".join(out.split())
     _, out, _ = run("compare", MAIN, "--realizations", 40_000, "--seed", 5, "--method", "exact", "--cycles", 3)
@@ -102,8 +102,8 @@ def test_noise_that_was_replaced_is_sampled_beside_the_density(engines):
 
 
 def test_mc_prints_one_json_object(engines):
-    given = {"--cycles": 3, "--realizations": 500, "--seed": 9, "--method": "rk4", "--steps-per-cycle": 100}
-    status, out, _ = run("mc", MAIN, "--json", *(part for pair in given.items() for part in pair))
+    options = {"--cycles": 3, "--realizations": 500, "--seed": 9, "--method": "rk4", "--steps-per-cycle": 100}
+    status, out, _ = run("mc", MAIN, "--json", *(part for pair in options.items() for part in pair))
     values = json.loads(out)
     assert status == 0
     assert len(values["interval"]) == 4

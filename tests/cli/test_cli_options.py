@@ -69,10 +69,10 @@ def run(tmp_path):
 def test_no_option_is_left_out():
     """A new one belongs into a test below."""
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
-    known = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
+    names = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
     others = {"times", "tally", "noise_replacement", "scales", "pga", "pgv", "workers", "no_check", "rtol", "limit"}
-    assert known - ELSEWHERE - OF_RISK == tried | others
+    assert names - ELSEWHERE - OF_RISK == tried | others
 
 
 def test_options_of_probability(run):
@@ -93,27 +93,27 @@ OF_SAMPLES = [("cycles", 3), ("realizations", 250), ("seed", 2), ("steps_per_cyc
 
 @pytest.mark.parametrize(("option", "value"), OF_SAMPLES)
 def test_options_of_samples(run, option, value):
-    found = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {option: value})[1])
+    loaded = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {option: value})[1])
     direct, plain = simulate(PERIODIC, **SAMPLED | {option: value}), simulate(PERIODIC, **SAMPLED)
-    assert np.array_equal(found.angle, direct.angle, equal_nan=True)
-    assert not np.array_equal(found.angle, plain.angle, equal_nan=True)
+    assert np.array_equal(loaded.angle, direct.angle, equal_nan=True)
+    assert not np.array_equal(loaded.angle, plain.angle, equal_nan=True)
 
 
 @pytest.mark.parametrize("method", ["white", "filtered"])
 def test_methods_that_replace_the_noise(run, method):
-    found = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {"method": method})[1])
+    loaded = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {"method": method})[1])
     direct = simulate(getattr(PERIODIC, f"{method}_equivalent")(), **SAMPLED | {"method": method})
-    assert np.array_equal(found.angle, direct.angle, equal_nan=True)
+    assert np.array_equal(loaded.angle, direct.angle, equal_nan=True)
 
 
 def test_times_and_tallies(run):
     own = {"realizations": 200, "times": [0.7, 3.1, 4.0]}
-    found = Ensemble.load(run("mc", ENDING, **own)[1])
-    assert found.times.tolist() == [0.0, 0.7, 3.1, 4.0]
-    assert np.array_equal(found.angle, simulate(ENDING, **own).angle, equal_nan=True)
+    loaded = Ensemble.load(run("mc", ENDING, **own)[1])
+    assert loaded.times.tolist() == [0.0, 0.7, 3.1, 4.0]
+    assert np.array_equal(loaded.angle, simulate(ENDING, **own).angle, equal_nan=True)
     values, path = run("mc", ENDING, **own, tally=True)
     assert Tally.load(path).counts.times.tolist() == [0.0, 0.7, 3.1, 4.0]
-    assert values["survival"] == found.survival.tolist()
+    assert values["survival"] == loaded.survival.tolist()
 
 
 OF_DENSITIES = [("tol", 5e-3), ("bins_tol", 3e-3), ("cycles", 2)]
@@ -126,10 +126,10 @@ def solved():
 
 @pytest.mark.parametrize(("option", "value"), OF_DENSITIES)
 def test_options_of_densities(run, solved, option, value):
-    found = Evolution.load(run("fpk", PERIODIC, **SOLVED | {option: value}, no_check=True)[1])
+    loaded = Evolution.load(run("fpk", PERIODIC, **SOLVED | {option: value}, no_check=True)[1])
     direct = solve_fpk(PERIODIC, **SOLVED | {option: value})
-    assert np.array_equal(found.coefficients, direct.coefficients)
-    assert found.coefficients.shape != solved.coefficients.shape
+    assert np.array_equal(loaded.coefficients, direct.coefficients)
+    assert loaded.coefficients.shape != solved.coefficients.shape
 
 
 def test_the_check_of_replaced_noise_can_be_left_out(run):
@@ -190,18 +190,18 @@ def test_options_of_curves(run, tmp_path, option, value, meant):
     if option == "tol":
         base, own = ({"scales": "0.9,1.1", "cycles": 1, "engine": "density"}, {"cycles": 1, "engine": "density"})
     value = tmp_path / value if option == "store" else value
-    found = Fragility.load(run("fragility", PERIODIC, **base | {option: value})[1])
-    assert np.array_equal(found.probability, curve(**own | meant).probability)
+    loaded = Fragility.load(run("fragility", PERIODIC, **base | {option: value})[1])
+    assert np.array_equal(loaded.probability, curve(**own | meant).probability)
     if option == "store":
         assert len((tmp_path / "rows.jsonl").read_text(encoding="utf-8").splitlines()) == 3
     else:
-        assert not np.array_equal(found.probability, curve(**own).probability)
+        assert not np.array_equal(loaded.probability, curve(**own).probability)
 
 
 def test_scales_and_times_of_curves(run):
     """LOW:HIGH:COUNT is spaced evenly in the logarithm; a block that falls after the last time does not count."""
-    found = Fragility.load(run("fragility", PERIODIC, **SCALED | {"scales": "0.5:2:3"})[1])
-    assert found.scale == pytest.approx([0.5, 1.0, 2.0])
+    loaded = Fragility.load(run("fragility", PERIODIC, **SCALED | {"scales": "0.5:2:3"})[1])
+    assert loaded.scale == pytest.approx([0.5, 1.0, 2.0])
     early, late = (
         Fragility.load(run("fragility", ENDING, scales="1", realizations=200, times=times)[1]).probability
         for times in ([2.5], [9.0])
@@ -214,12 +214,12 @@ def test_scales_and_times_of_curves(run):
 def test_peaks_in_g_take_the_place_of_scales(run):
     """Of two racks with other shaking each has the peaks; noise that is kept stays as it was."""
     rack = Scene.from_block(0.5, 1.8, "0.3 g", 1.5, noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    found = Fragility.load(run("fragility", rack, pga="0.4:0.9:2", cycles=2, realizations=300)[1])
-    assert found.scale.tolist() == [0.4, 0.9]
+    loaded = Fragility.load(run("fragility", rack, pga="0.4:0.9:2", cycles=2, realizations=300)[1])
+    assert loaded.scale.tolist() == [0.4, 0.9]
     direct = fragility(rack, scale=[0.4 / 0.3, 3.0], cycles=2, realizations=300).probability
-    assert found.probability == pytest.approx(direct, abs=1e-9)
+    assert loaded.probability == pytest.approx(direct, abs=1e-9)
     assert 0.0 < direct.max() < 1.0
-    assert [one.columns(1.0)["pga_g"] for one in found.intensities] == pytest.approx([1.0])
+    assert [one.columns(1.0)["pga_g"] for one in loaded.intensities] == pytest.approx([1.0])
     kept = Fragility.load(run("fragility", rack, pga="0.9", cycles=2, realizations=300, keep_noise=True)[1])
     assert kept.scenes[0].noise == rack.noise
     with pytest.raises(AssertionError, match="accepted: a list of factors, or --pga or --pgv in its place"):

@@ -23,18 +23,18 @@ def test_an_interruption_that_was_swallowed_is_raised_at_the_end(monkeypatch, ki
     """The last of several, and in place of an error that came in between."""
     monkeypatch.setattr(console, "_AGAIN_S", 60.0)  # not while the block lasts
     hook = sys.unraisablehook
-    with pytest.raises(KeyboardInterrupt) as found, console.insistent():
+    with pytest.raises(KeyboardInterrupt) as result, console.insistent():
         swallow(*kinds, error=error)
-    assert found.type is kinds[-1]
-    assert isinstance(found.value.__cause__, error or type(None))
+    assert result.type is kinds[-1]
+    assert isinstance(result.value.__cause__, error or type(None))
     assert sys.unraisablehook is hook
 
 
 def test_what_else_is_swallowed_is_told_as_before(monkeypatch):
-    told = []
-    monkeypatch.setattr(sys, "unraisablehook", lambda ignored: told.append(ignored.exc_type))
+    ignored_types = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda ignored: ignored_types.append(ignored.exc_type))
     with console.insistent():
         swallow(ValueError)
-    assert told == [ValueError]
+    assert ignored_types == [ValueError]
     with pytest.raises(ZeroDivisionError), console.insistent():
         raise ZeroDivisionError

@@ -14,7 +14,8 @@ from fpk_rocking.density.gaussian import Gaussian
 from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.physics.motion.flight import shear_diffusion_variances
 from fpk_rocking.scene import Start
 

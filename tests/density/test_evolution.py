@@ -199,6 +199,15 @@ def test_it_knows_what_was_asked_for_and_judges_itself(band, tmp_path):
     assert against(dataclasses.replace(band, bins_error_estimate=0.9)) == ["overturning_error", "bins_error_estimate"]
 
 
+def test_a_probability_below_0_is_told(band):
+    overturned = band.overturned.copy()
+    overturned[1, 0] = -2e-6
+    below = dataclasses.replace(band, overturned=overturned, error_estimate=3e-6)
+    sentence = "A probability of overturning is -2e-06: take it as 0, within the error 3e-06."
+    assert [text for text in remarks(below) if "below" in text or "take it as 0" in text] == [sentence]
+    assert band.below_zero == ""
+
+
 @pytest.mark.parametrize(
     ("rows", "where", "verdict"), [([1], "1 of 2 times", "ok"), ([1, 2], "every time", "caution"), ([], None, "ok")]
 )

@@ -20,7 +20,8 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step.characteristics import Noise, principal_axes
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.sticking import Sticking
 from montecarlo import simulate
 

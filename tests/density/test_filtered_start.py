@@ -6,7 +6,7 @@ import pytest
 from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start
 from fpk_rocking.density.filter_nodes import Nodes
 from fpk_rocking.density.filtered_start import FilteredStart
-from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,8 @@ from fpk_rocking.density.space.density import Density
 from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 
 QUADRATURE = Quadrature(6, 6, 5, 2)
 CALM = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.05, 0.5, 6.0)

@@ -10,7 +10,8 @@ from fpk_rocking import solve_fpk
 from fpk_rocking.density.gaussian import Gaussian
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.scene import WhiteNoise
 
 CYCLES = 500

@@ -48,6 +48,16 @@ def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     assert level.error(safe_difference(distances), bins) == pytest.approx(expected, rel=1e-12)
 
 
+def test_a_probability_below_0_is_an_error():
+    space = Space(np.linspace(-1.0, 1.0, 3), np.linspace(-1.0, 1.0, 3), 0)
+    propagator, rows = types.SimpleNamespace(space=space, memory=0.0), np.array([False, True])
+    for survival, left, right in ((1.0, -2e-6, 2e-6), (1.0, 2e-6, -2e-6), (1.0 + 2e-6, 0.0, 0.0), (-2e-6, 0.5, 0.5)):
+        outflow = np.array([[0.0, 0.0, 0.0], [left, right, 0.0]])
+        solution = Solution(np.array([1.0, survival]), outflow, np.zeros((2, *space.shape)), None, rows)
+        level = solver._level_of(propagator, solution, [np.linspace(-1.0, 1.0, 4)] * 2)
+        assert level.error(1e-9, 1e-9) == pytest.approx(2e-6, rel=1e-6)
+
+
 def test_the_sides_count_where_survival_is_the_same():
     """All may overturn at every resolution, and to another side at each."""
     space = Space(np.linspace(-1.0, 1.0, 3), np.linspace(-1.0, 1.0, 3), 0)
@@ -193,6 +203,13 @@ def test_default_tolerances_depend_on_whether_the_scene_repeats():
     assert solver._tolerances(once, None, None) == (1e-2, math.inf, refinement.bins_tolerance(1e-2))
     assert solver._tolerances(once, 1e-3, 0.1) == (1e-3, 0.1, 0.1)
     assert solver._tolerances(once, 1e-3, math.inf) == (1e-3, math.inf, math.inf)
+
+
+def test_what_three_solutions_do_not_resolve_is_tried_once_more():
+    """A block under weak noise was refused at tol 1e-2 and solved at 1e-3, which begins one resolution further."""
+    levels = [types.SimpleNamespace(negative_mass=mass) for mass in (0.3, 0.2, 0.2, 0.2)]
+    assert not solver._is_stagnated(refinement.Refined(levels[:3], 0.0, 0.0, 3))
+    assert solver._is_stagnated(refinement.Refined(levels, 0.0, 0.0, 2))
 
 
 @pytest.mark.slow

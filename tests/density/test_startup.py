@@ -15,8 +15,9 @@ from fpk_rocking.density.space.mesh import graded_lines
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.startup import StartUp, takeover_step
 from fpk_rocking.density.step import Exit
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.scatter import AffinePaths
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 

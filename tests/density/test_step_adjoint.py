@@ -13,7 +13,8 @@ from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
 from fpk_rocking.density.space.space import Space
 from fpk_rocking.density.step import scatter
-from fpk_rocking.density.step.step import Characteristics, Dynamics, Quadrature, Step
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 QUADRATURE = Quadrature(5, 6, 5, 2)

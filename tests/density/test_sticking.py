@@ -6,7 +6,7 @@ import pytest
 
 from fpk_rocking import Block, Pulse, Scene, WhiteNoise
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.step import Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.sticking import Sticking
 from fpk_rocking.envelopes import Trapezoid
 

@@ -8,7 +8,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.impact import side_of_start
 from montecarlo.engines.engine import TimeGrid
 from montecarlo.engines.filtered import ENGINE, parameters_on_grid, workspace_of
-from montecarlo.engines.filtered_noise import draw_first_states, draw_next_interval
+from montecarlo.engines.filtered_noise import draw_first_states, draw_next_interval, draw_parts
 from montecarlo.engines.random import draw_start, open_stream, stream_keys
 
 try_step, build_force, step_with_events = ENGINE.try_step, ENGINE.build_force, ENGINE.step_with_events
@@ -33,6 +33,7 @@ def _gather(fine, part, parameters, coarse):
     coarse.drawn[2 * n + 1] = swap * x + keep * v + fine.drawn[2 * n + 1]
     for i in range(n):
         coarse.drawn[n + i] = fine.drawn[n + i]
+    coarse.stream[:] = fine.stream
 
 
 @kernel
@@ -87,6 +88,27 @@ def coupled(scene, intervals, factor, cycles, paths, seed=1):
     parameters = with_intervals(scene, intervals), with_intervals(scene, intervals // factor)
     _pairs(stream_keys(seed), *parameters, factor, cycles, out, angle)
     return out, angle
+
+
+@kernel
+def _parts(keys, parameters, states, flights):
+    n, count = len(parameters.noise.stationary), parameters.noise.parts.gain.shape[0]
+    for r in range(states.shape[0]):
+        stream, noise = open_stream(keys, r), workspace_of(parameters).noise
+        draw_first_states(stream, parameters.noise, noise)
+        for k in range(states.shape[1] // count):
+            draw_next_interval(stream, parameters.noise, noise)
+            draw_parts(parameters.noise.parts, noise)
+            states[r, k * count : (k + 1) * count] = noise.parts[:, n : 2 * n]
+            flights[r, k * count : (k + 1) * count] = noise.parts[:, 2 * n :]
+
+
+def parts_of(parameters, intervals, paths, seed=1):
+    """Return states (paths, m, n) at the ends of the m parts of some intervals, and flights (paths, m, 2) over them."""
+    count, order = len(parameters.noise.parts.gain), len(parameters.noise.stationary)
+    states, flights = np.empty((paths, intervals * count, order)), np.empty((paths, intervals * count, 2))
+    _parts(stream_keys(seed), parameters, states, flights)
+    return states, flights
 
 
 @kernel

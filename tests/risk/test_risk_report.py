@@ -73,10 +73,10 @@ def test_the_curve_has_its_points_its_records_and_its_band(axes):
     assert (grid[0], grid[-1]) == pytest.approx((0.8 * SCALES[0], 1.25 * SCALES[-1]))
     assert np.array_equal(values, risk.curve(grid))
     (band,) = (one for one in axes.collections if one.get_label() == "its 95 % band")
-    made = np.quantile([LognormalFit(*one)(grid) for one in replicates], [0.025, 0.975], axis=0)
+    limits = np.quantile([LognormalFit(*one)(grid) for one in replicates], [0.025, 0.975], axis=0)
     corners = band.get_paths()[0].vertices[:, 1]
-    assert (corners.min(), corners.max()) == pytest.approx((made.min(), made.max()), abs=1e-12)
-    assert set(np.round(made.ravel(), 9)) <= set(np.round(corners, 9))
+    assert (corners.min(), corners.max()) == pytest.approx((limits.min(), limits.max()), abs=1e-12)
+    assert set(np.round(limits.ravel(), 9)) <= set(np.round(corners, 9))
 
 
 def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):
@@ -98,15 +98,15 @@ def test_the_shares_of_the_frequency_stand_beside_the_hazard(axes):
     (other,) = (one for one in axes.figure.axes if one is not axes)
     line, points = other.lines
     assert line.get_ydata() == pytest.approx(HAZARD(line.get_xdata()))
-    known = (HAZARD.intensity >= risk.edges[0]) & (HAZARD.intensity <= risk.edges[-1])
-    assert 0 < known.sum() < 15
-    assert np.array_equal(points.get_xydata(), np.stack([HAZARD.intensity, HAZARD.rate], axis=1)[known])
+    inside = (HAZARD.intensity >= risk.edges[0]) & (HAZARD.intensity <= risk.edges[-1])
+    assert 0 < inside.sum() < 15
+    assert np.array_equal(points.get_xydata(), np.stack([HAZARD.intensity, HAZARD.rate], axis=1)[inside])
 
 
 def text_of(*noises, scaled=False):
     motions = [Scene(Block(0.9, SIZE), Harmonic(1.0, 2.0), noise) for noise in noises]
-    found = types.SimpleNamespace(noise_scaled=scaled, realizations=1200, options={"seed": 7})
-    return report._motions_text(types.SimpleNamespace(motions=motions, fragility=found, draws=None))
+    result = types.SimpleNamespace(noise_scaled=scaled, realizations=1200, options={"seed": 7})
+    return report._motions_text(types.SimpleNamespace(motions=motions, fragility=result, draws=None))
 
 
 def test_the_noise_that_is_named_is_that_of_the_first_motion():

@@ -372,3 +372,50 @@ def test_a_rate_that_still_moves_is_a_caution():
     (reason,) = [text for text in restless.trust.reasons if "still moved" in text]
     assert "by 7 % with the last of" in reason
     assert restless.trust.verdict == "caution"
+
+
+def test_without_a_hazard_there_is_a_curve_and_no_rate(tmp_path, capsys):
+    """In the shell: the curve of `fragility` at the intensities that were asked for, and files without a rate."""
+    scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    words = ["risk", str(tmp_path / "rack.toml"), "--synthetic", "5", "--intensities", "0.4,0.8,1.6"]
+    assert cli.main([*words, "--realizations", "50", "--out", str(tmp_path / "out")]) == 0
+    printed = capsys.readouterr().out
+    motions = [at_intensity(dataclasses.replace(scene, forcing=motion)) for motion in synthetic_records(5)]
+    curve = IntensityCurve.of(fragility(motions, scale=[0.4, 0.8, 1.6], realizations=50), "PGV")
+    assert printed.startswith(f"{curve.title}. No annual rate, as there is no hazard (--hazard).\n")
+    values = json.loads((tmp_path / "out" / "risk.json").read_text())
+    assert values["risk"] is None
+    assert (values["curve"]["intensity"], values["curve"]["probability"]) == (
+        [0.4, 0.8, 1.6],
+        curve.probability.tolist(),
+    )
+    assert values["trust"] == curve.trust.plain
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "No annual rate" in page
+    assert "Hazard and risk" not in page
+    assert (tmp_path / "out" / "risk.png").stat().st_size > 10_000
+
+
+def test_what_a_correction_of_baselines_changes_of_the_rate_is_said():
+    """Motions with a drift added: the rate without the correction is that of a study of the motions as they are."""
+    block, hazard = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), Hazard.power_law(1e-4, 2.5)
+    drifting = [
+        dataclasses.replace(motion, samples=tuple((np.array(motion.samples) + 0.05).tolist()))
+        for motion in synthetic_records(5, duration=5.0, rms=1.5)
+    ]
+    raw = study(block, drifting, hazard, [0.3, 3.0])
+    assert raw.uncorrected is None
+    assert not any("Without the correction" in text for text in raw.remarks)
+    corrected = study(block, drifting, hazard, [0.3, 3.0], baseline="high-pass")
+    (text,) = [text for text in corrected.remarks if text.startswith("Without the correction")]
+    rate = f"{raw.risk.rate:.2e}".replace("e-0", "e-")
+    assert text.endswith(f"annual rate would be {rate}, {raw.risk.rate / corrected.risk.rate:.3g} times this one.")
+    change = np.abs(raw.curve.probability - corrected.curve.probability).max()
+    assert f"would differ by up to {change:.2g} (at PGV " in text
+    assert text in corrected.text()
+    noisy = study(
+        Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8)),
+        drifting, None, [1.0, 2.0], baseline="high-pass", realizations=2,
+    )  # fmt: skip
+    assert 'baseline = "none" (--baseline none) gives the result without the correction' in noisy.text()

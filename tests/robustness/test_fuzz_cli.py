@@ -122,6 +122,14 @@ def test_a_warning_is_one_line(monkeypatch):
     assert err == "fpk-rocking fpk: warning: not within the tolerance\n"
 
 
+@pytest.mark.parametrize("text", ["width", "=normal:1:0.1"])
+@pytest.mark.usefixtures("folder")
+def test_a_distribution_without_its_name_or_its_value_is_refused(text):
+    status, out, err = run("fragility", "scene.toml", "--scales", "1", "--uncertain", text)
+    assert (status, out) == (2, "")
+    assert f"--uncertain: got {text!r}, accepted: NAME=DIST" in err
+
+
 @pytest.mark.skipif(not pathlib.Path("/dev/full").exists(), reason="a file that takes nothing is Linux's own")
 def test_a_standard_output_that_takes_nothing_is_one_line(folder):
     command = [sys.executable, "-m", "fpk_rocking.cli", "mc", str(folder / "scene.toml"), *FEW["mc"], "--json"]

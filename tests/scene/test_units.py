@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, Start, WhiteNoise, load_scene
+from fpk_rocking.scene import Record
 from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.units import in_units
 
@@ -105,6 +106,29 @@ def test_from_block_converts_every_quantity():
     assert scene.start == start
     assert Scene.from_block(0.5, 2.0, 4.0, 1.5).noise == NoNoise()
     assert isinstance(scene.noise, BandNoise)
+
+
+def test_noise_in_units_has_stratified_harmonics_enough_for_its_duration():
+    """Width of the band in Hz times seconds: 30 cycles, or the duration of a pulse; a file says the same."""
+    noise = {"noise_rms_acceleration": 0.7, "noise_band_hz": (0.5, 20.5)}
+    scene = Scene.from_block(0.5, 2.0, 4.0, 1.5, **noise)
+    assert (scene.noise.frequencies, scene.noise.harmonics) == ("stratified", 400)
+    pulsed = Scene.from_block(0.5, 2.0, 4.0, 0.1, pulse="one-sine", **noise)
+    assert (pulsed.noise.frequencies, pulsed.noise.harmonics) == ("stratified", 200)
+    assert Scene.from_block(0.5, 2.0, 4.0, 1.5, **noise | {"noise_band_hz": (0.0, 1.0)}).noise.harmonics == 100
+    paper = Scene.from_block(0.5, 2.0, 4.0, 1.5, frequencies="independent", **noise)
+    assert (paper.noise.frequencies, paper.noise.harmonics) == ("independent", 100)
+    assert all(Scene.from_toml(one.to_toml()) == one for one in (scene, pulsed, paper))
+    table = '[noise]\nkind = "band"\nrms_acceleration = 0.7\nband_hz = [0.5, 20.5]\n'
+    head = "[block.dimensions]\nwidth = 0.5\nheight = 2\n[forcing]\npeak_acceleration = 4\nfrequency_hz = 1.5\n"
+    assert Scene.from_toml(table + head) == scene
+    assert Scene.from_toml(head + table + 'frequencies = "independent"\n') == paper
+    assert Scene.from_toml(head + table + "harmonics = 7\n").noise.harmonics == 7
+    sizeless = "[block]\nrestitution = 0.5\n[forcing]\namplitude = 1\nfrequency = 2\n"
+    plain = Scene.from_toml(sizeless + '[noise]\nkind = "band"\nvariance = 1\nband = [0, 90]')
+    assert (plain.noise.frequencies, plain.noise.harmonics) == ("independent", 100)
+    with pytest.raises(ValueError, match=r"^noise\.frequencies: got 'even', accepted: 'independent' or 'stratified'$"):
+        Scene.from_toml(head + table + 'frequencies = "even"\n')
 
 
 @pytest.mark.parametrize(
@@ -230,3 +254,13 @@ def test_what_was_hardly_meant_is_named():
     (strong,) = implausible(Scene.from_block(0.6, 2.0, 300.0, 1.5))
     assert strong == "The peak acceleration of the forcing is 300 m/s² (31 g); was 3 m/s² meant (cm/s²)?"
     assert implausible(Scene.from_block(0.6, 2.0, 300.0, 1.5), 0.01, 1.0) == []
+
+
+def test_a_record_has_harmonics_for_its_own_duration():
+    """Band of 30 Hz times a record of 5 s; the text without the number of harmonics gives the same scene."""
+    motion = Record(0.01, [0.0, *np.sin(np.arange(500))])
+    scene = Scene.from_block(0.5, 1.8, record=motion, noise_rms_acceleration=0.3, noise_band_hz=(0, 30))
+    assert (scene.noise.harmonics, scene.noise.frequencies) == (150, "stratified")
+    text = scene.to_toml()
+    assert Scene.from_toml(text) == scene
+    assert Scene.from_toml(text.replace("harmonics = 150\n", "")) == scene

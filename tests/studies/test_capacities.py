@@ -96,11 +96,11 @@ def test_noise_blurs_capacities():
     rng = np.random.default_rng(5)
     logs = np.append(math.log(0.7) + 0.3 * rng.standard_normal(11), math.log(20.0))
     shares = rng.binomial(1000, special.ndtr((np.log(GRID) - logs[:, None]) / 0.2)) / 1000
-    found = Capacities.of(GRID, shares, 1000, np.arange(12))
-    assert np.abs((found.middle - logs) / found.error)[:11].max() < 4.0
-    assert found.noise == pytest.approx(0.2, abs=4.0 * 0.2 * found.noise_error)
+    curve = Capacities.of(GRID, shares, 1000, np.arange(12))
+    assert np.abs((curve.middle - logs) / curve.error)[:11].max() < 4.0
+    assert curve.noise == pytest.approx(0.2, abs=4.0 * 0.2 * curve.noise_error)
     # None of 1,000 paths at 3 is as likely as not where the middle is 3.2 dispersions above.
-    assert found.low[11] == pytest.approx(math.log(3.0) - found.noise * stats.norm.ppf(1.0 - 0.5**0.001), rel=1e-9)
+    assert curve.low[11] == pytest.approx(math.log(3.0) - curve.noise * stats.norm.ppf(1.0 - 0.5**0.001), rel=1e-9)
 
 
 def benchmark():
@@ -116,8 +116,8 @@ def benchmark():
 def test_limits_hold(kind, motions):
     """Of 100 suites at least 88 of each; a share of .95 has less in .4 % of such counts."""
     script = benchmark()
-    found = script.coverage(motions, 100, 6, 199, **script.KINDS[kind])
-    assert min(found[name] for name in script.NAMES) >= 0.88
+    result = script.coverage(motions, 100, 6, 199, **script.KINDS[kind])
+    assert min(result[name] for name in script.NAMES) >= 0.88
 
 
 def test_what_is_not_lognormal_is_rejected():
@@ -132,10 +132,10 @@ def test_what_is_not_lognormal_is_rejected():
 
 def test_the_page_quotes_the_figures():
     script = benchmark()
-    found = script.run(suites=4, sizes=(5, 8), samples=49, tests=4, kinds={"noise": script.KINDS["noise"]})
-    page = script.page(found)
+    result = script.run(suites=4, sizes=(5, 8), samples=49, tests=4, kinds={"noise": script.KINDS["noise"]})
+    page = script.page(result)
     row = next(text for text in page["text"] if text.startswith("| noise | 8 |"))
     assert [float(cell) for cell in row.split("|")[3:-1]] == [
-        found["coverage"]["noise"]["8"][one] for one in script.NAMES
+        result["coverage"]["noise"]["8"][one] for one in script.NAMES
     ]
     assert any(text.startswith("| lognormal, noise | ") for text in page["text"])

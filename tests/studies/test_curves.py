@@ -49,8 +49,8 @@ def test_levels_are_the_largest_angles_of_histories(main_scene, curve):
         over = np.isnan(run.angle).any(axis=1)
         top = np.nanmax(np.abs(run.angle), axis=1)
         for which, level in enumerate(curve.level):
-            told = np.count_nonzero((top >= level) | over) / 2000
-            assert told <= curve.reached[0, which, number] <= told + 0.005
+            share = np.count_nonzero((top >= level) | over) / 2000
+            assert share <= curve.reached[0, which, number] <= share + 0.005
 
 
 def test_intervals_are_those_of_a_binomial(curve):
@@ -87,11 +87,11 @@ def test_density_against_paths(main_scene):
 
 
 def test_a_surface_over_size(main_scene):
-    found = fragility(BLOCK, scale=(1.0, 2.0, 4.0), over={"size": (0.6, 1.2)}, cycles=4, realizations=1000)
-    assert (found.axis, found.place.tolist()) == ("size", [0.6, 1.2])
-    assert np.all(np.diff(found.overturned, axis=0) <= 0.0)  # the larger block stands better
+    curves = fragility(BLOCK, scale=(1.0, 2.0, 4.0), over={"size": (0.6, 1.2)}, cycles=4, realizations=1000)
+    assert (curves.axis, curves.place.tolist()) == ("size", [0.6, 1.2])
+    assert np.all(np.diff(curves.overturned, axis=0) <= 0.0)  # the larger block stands better
     with pytest.raises(ValueError, match="accepted: a fragility of one scene, or of a list of scenes"):
-        _ = found.pooled  # the values share random numbers
+        _ = curves.pooled  # the values share random numbers
     with pytest.raises(ValueError, match="parameter: got 'size', accepted: only where the scene has"):
         fragility(main_scene, scale=(1.0,), over={"size": (0.6, 1.2)}, cycles=4)
 
@@ -101,15 +101,15 @@ def test_motions_that_end_and_their_mean():
     scenes = [
         dataclasses.replace(BLOCK, noise=NoNoise(), forcing=Pulse("one-sine", 2.0, w)) for w in (1.0, 1.5, 2.0, 4.0)
     ]
-    found = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12))
-    assert found.realizations == 1
-    assert set(np.unique(found.overturned)) == {0.0, 1.0}
-    for one, outcomes in zip(found.fits, found.overturned, strict=True):
-        first = found.scale[outcomes.argmax()]
+    curves = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12))
+    assert curves.realizations == 1
+    assert set(np.unique(curves.overturned)) == {0.0, 1.0}
+    for one, outcomes in zip(curves.fits, curves.overturned, strict=True):
+        first = curves.scale[outcomes.argmax()]
         text = f"deterministic: happens at {outcomes.sum():.0f} of 12 scales, first at {first:.4g}"
         assert one[0].reason.startswith(text)
     again = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12), times=[50.0])
-    assert np.array_equal(again.overturned, found.overturned)
+    assert np.array_equal(again.overturned, curves.overturned)
     with pytest.raises(ValueError, match="cycles: got 3, accepted: nothing, as a"):
         fragility(scenes, scale=(1.0,), cycles=3)
 
@@ -171,10 +171,10 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     """Remarks on two noises begin alike, and two doubts of one kind do not."""
     noise = {"variance": 0.02, "remark": "Measured: here."}, {"variance": 0.02, "remark": "Measured: there."}
     scenes = [BLOCK.varied(noise=one) for one in noise]
-    found = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
-    assert found.remarks[:2] == ("Measured: here.", "Measured: there.")
+    curves = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
+    assert curves.remarks[:2] == ("Measured: here.", "Measured: there.")
 
-    def told(scene, *_, **__):
+    def diagnosed(scene, *_, **__):
         size = scene.noise.remark
         return [
             Diagnostic(CAUTION, f"Wide: {size}", "wide"),
@@ -182,9 +182,9 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
             Diagnostic(1, "Bare."),
         ]
 
-    monkeypatch.setattr("fpk_rocking.studies.diagnostics.scene_diagnostics", told)
-    told = [reason for reason in dataclasses.replace(found, wall_s=2.0).trust.reasons if "half width" not in reason]
-    assert [reason for reason in told if "fit" not in reason] == [
+    monkeypatch.setattr("fpk_rocking.studies.diagnostics.scene_diagnostics", diagnosed)
+    reasons = [reason for reason in dataclasses.replace(curves, wall_s=2.0).trust.reasons if "half width" not in reason]
+    assert [reason for reason in reasons if "fit" not in reason] == [
         "Wide: Measured: here. (Other scenes: 1 likewise.)",
         "Wide: of Measured: here. (Other scenes: 1 likewise.)",
         "Bare.",
@@ -192,48 +192,50 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
 
 
 def test_what_an_engine_refuses_is_a_hole_with_its_reason(main_scene):
-    found = fragility(
+    curves = fragility(
         main_scene.varied(noise=WhiteNoise(0.01)), scale=(1e-6, 1.0, 1.2, 1.4), cycles=2, realizations=500
     )
-    assert np.isnan(found.overturned[0]).tolist() == [True, False, False, False]
-    assert "noise.diffusion: got 1e-14" in found.reasons["0,0,0"]
-    assert any(text.startswith("The engine gave no answer for 1 of 4") for text in found.remarks)
-    assert not found.fits[0][0].reason
-    limits = found.interval()
+    assert np.isnan(curves.overturned[0]).tolist() == [True, False, False, False]
+    assert "noise.diffusion: got 1e-14" in curves.reasons["0,0,0"]
+    assert any(text.startswith("The engine gave no answer for 1 of 4") for text in curves.remarks)
+    assert not curves.fits[0][0].reason
+    limits = curves.interval()
     assert np.isnan(limits[0, 0, 0]).all()
-    assert json.dumps(found.summary(), allow_nan=False)
+    assert json.dumps(curves.summary(), allow_nan=False)
 
 
 def test_a_scene_that_needs_another_noise(main_scene):
     for engine in ("white", "filtered"):
-        found = fragility(main_scene, scale=(1.0,), cycles=2, engine=engine, realizations=100)
+        curves = fragility(main_scene, scale=(1.0,), cycles=2, engine=engine, realizations=100)
         direct = getattr(main_scene, f"{engine}_equivalent")()
         seed = seed_of(1, 0)
-        assert found.overturned[0, 0] == 1.0 - simulate(direct, cycles=2, realizations=100, seed=seed).survival[-1]
-        assert any(f"{engine} noise of equal Melnikov variance" in text for text in found.remarks)
+        assert curves.overturned[0, 0] == 1.0 - simulate(direct, cycles=2, realizations=100, seed=seed).survival[-1]
+        assert any(f"{engine} noise of equal Melnikov variance" in text for text in curves.remarks)
 
 
 def test_a_curve_for_noise_that_was_replaced_is_never_ok():
     for engine, verdict in (("white", "caution"), ("exact", "ok")):
-        found = fragility(BLOCK, scale=(0.5, 1.0), cycles=1, engine=engine, realizations=2000)
-        assert found.trust.verdict == verdict
-        assert any(text.startswith("Replaced, not checked") for text in found.remarks) == (engine == "white")
+        curves = fragility(BLOCK, scale=(0.5, 1.0), cycles=1, engine=engine, realizations=2000)
+        assert curves.trust.verdict == verdict
+        assert any(text.startswith("Replaced, not checked") for text in curves.remarks) == (engine == "white")
 
 
 def test_only_the_forcing_may_be_scaled(main_scene):
-    found = fragility(main_scene, scale=(1.2,), cycles=4, realizations=400, scale_noise=False)
+    curves = fragility(main_scene, scale=(1.2,), cycles=4, realizations=400, scale_noise=False)
     direct = main_scene.varied(forcing={"amplitude": 1.2 * 4.6})
-    assert found.overturned[0, 0] == 1.0 - simulate(direct, cycles=4, realizations=400, seed=seed_of(1, 0)).survival[-1]
+    assert (
+        curves.overturned[0, 0] == 1.0 - simulate(direct, cycles=4, realizations=400, seed=seed_of(1, 0)).survival[-1]
+    )
 
 
 def test_saved_and_loaded(tmp_path, curve):
     curve.save(tmp_path / "curve.npz")
-    found = Fragility.load(tmp_path / "curve.npz")
+    loaded = Fragility.load(tmp_path / "curve.npz")
     for field in dataclasses.fields(Fragility):
-        one, other = getattr(curve, field.name), getattr(found, field.name)
+        one, other = getattr(curve, field.name), getattr(loaded, field.name)
         assert np.array_equal(one, other, equal_nan=True) if isinstance(one, np.ndarray) else one == other, field.name
     with pytest.raises(ValueError, match="read-only"):
-        found.probability[0] = 1.0
+        loaded.probability[0] = 1.0
     with pytest.raises(ValueError, match="got a result of kind 'fragility', accepted: 'ensemble'"):
         Ensemble.load(tmp_path / "curve.npz")
 
@@ -246,8 +248,8 @@ def test_a_store_makes_the_same_of_two_halves(tmp_path, main_scene, curve):
     options = {"cycles": 5, "levels": (0.5, 1.0), "realizations": 2000, "seed": 3, "store": tmp_path / "rows.jsonl"}
     with pytest.raises(KeyboardInterrupt):
         fragility(main_scene, scale=SCALE, progress=stop, **options)
-    found = fragility(main_scene, scale=SCALE, workers=2, **options)
-    assert np.array_equal(found.probability, curve.probability)
+    curves = fragility(main_scene, scale=SCALE, workers=2, **options)
+    assert np.array_equal(curves.probability, curve.probability)
 
 
 def test_csv_and_xarray(tmp_path, curve):
@@ -383,7 +385,7 @@ def test_command_line(tmp_path, capsys, scene_file):
 
 
 @pytest.mark.parametrize(
-    ("given", "text"),
+    ("words", "text"),
     [
         (("--scales", "1:2"), "--scales: got '1:2', accepted: numbers A,B,C, or LOW:HIGH:COUNT"),
         (("--scales", "a,b"), "--scales: got 'a,b'"),
@@ -392,6 +394,6 @@ def test_command_line(tmp_path, capsys, scene_file):
         (("--scales", "1,2", "--engine", "fpk"), "engine: got 'fpk'"),
     ],
 )
-def test_command_line_refusals(capsys, scene_file, given, text):
-    assert run("fragility", scene_file, *given) == 2
+def test_command_line_refusals(capsys, scene_file, words, text):
+    assert run("fragility", scene_file, *words) == 2
     assert capsys.readouterr().err.startswith(f"fpk-rocking fragility: {text}")

@@ -20,13 +20,13 @@ SCALES = np.geomspace(0.1, 3.0, 15)
 
 def test_draws_are_stratified_and_set_in_their_order():
     uncertain = {"size_factor": "lognormal:1.1:0.05", "block.restitution_factor": stats.uniform(0.93, 0.05)}
-    found = drawn([SCENE, SCENE.varied(forcing={"amplitude": 2.0})], uncertain, 25, seed=4)
-    assert found.origin == (0,) * 25 + (1,) * 25
-    assert [scene.forcing.kind for scene in found.scenes] == ["harmonic"] * 50
+    result = drawn([SCENE, SCENE.varied(forcing={"amplitude": 2.0})], uncertain, 25, seed=4)
+    assert result.origin == (0,) * 25 + (1,) * 25
+    assert [scene.forcing.kind for scene in result.scenes] == ["harmonic"] * 50
     laws = stats.lognorm(0.05, scale=1.1), stats.uniform(0.93, 0.05)
-    for law, values in zip(laws, found.values.values(), strict=True):
+    for law, values in zip(laws, result.values.values(), strict=True):
         assert np.sort(np.floor(50 * law.cdf(values))).tolist() == list(range(50))
-    for scene, factor, part in zip(found.scenes, *found.values.values(), strict=True):
+    for scene, factor, part in zip(result.scenes, *result.values.values(), strict=True):
         size = scene.block.dimensions
         assert size.half_diagonal == pytest.approx(factor * SIZE.half_diagonal, rel=1e-12)
         assert size.width / size.height == pytest.approx(0.3, rel=1e-12)
@@ -110,24 +110,24 @@ def test_dispersions_are_those_that_the_values_were_given():
         ((scale > medians[:, None]).astype(float), 1),  # deterministic blocks
     ):
         capacities = Capacities.of(scale, shares, trials, np.arange(400))
-        found = capacities.parts(capacities.draws(50, rng)[1], values)
-        assert {name: value for name, (value, _) in found.items()} == pytest.approx(
+        result = capacities.parts(capacities.draws(50, rng)[1], values)
+        assert {name: value for name, (value, _) in result.items()} == pytest.approx(
             {"x": 0.3, "y": 0.1, "z": 0.0}, abs=0.05
         )
-        assert [error for _, error in found.values()] == pytest.approx([0.0125] * 3, rel=0.2)
+        assert [error for _, error in result.values()] == pytest.approx([0.0125] * 3, rel=0.2)
 
 
 def test_uncertain_restitution_widens_a_curve_on_the_command_line(capsys, tmp_path):
     file = tmp_path / "block.toml"
     file.write_text(SCENE.to_toml())
     arguments = ["fragility", str(file), "--scales", "1,2,4", "--cycles", "3", "--realizations", "40"]
-    given = ["--uncertain", "block.restitution=uniform:0.6:0.95", "--blocks", "6", "--json"]
-    assert cli.main([*arguments, *given]) == 0
+    drawing = ["--uncertain", "block.restitution=uniform:0.6:0.95", "--blocks", "6", "--json"]
+    assert cli.main([*arguments, *drawing]) == 0
     printed = capsys.readouterr().out
     draws = drawn(SCENE, {"block.restitution": "uniform:0.6:0.95"}, 6)
-    found = fragility(draws.scenes, scale=(1.0, 2.0, 4.0), cycles=3, realizations=40)
-    values, curve = json.loads(printed), IntensityCurve.of(found, "scale", draws=draws)
-    assert values["overturned"] == found.overturned.tolist()
+    curves = fragility(draws.scenes, scale=(1.0, 2.0, 4.0), cycles=3, realizations=40)
+    values, curve = json.loads(printed), IntensityCurve.of(curves, "scale", draws=draws)
+    assert values["overturned"] == curves.overturned.tolist()
     assert values["pooled"]["probability"] == curve.probability.tolist()
     assert values["pooled"]["sources"] == curve.sources
     assert curve.units == 6
@@ -136,7 +136,7 @@ def test_uncertain_restitution_widens_a_curve_on_the_command_line(capsys, tmp_pa
     printed = " ".join(capsys.readouterr().out.split())
     assert "against scale, from 3 blocks" in printed
     assert "For others of their kind 3 blocks tell the probabilities to ±" in printed
-    for wrong in (["--pga", "0.4"], ["--blocks", "3"], ["--uncertain", "x"], [*given, "--over", "width=1,2"]):
+    for wrong in (["--pga", "0.4"], ["--blocks", "3"], ["--uncertain", "x"], [*drawing, "--over", "width=1,2"]):
         assert cli.main([*arguments, *wrong]) == 2
         assert "accepted: " in capsys.readouterr().err
 
@@ -190,18 +190,18 @@ def test_the_measure_that_outcomes_follow_comes_first():
     for field, first in (("pgv", "PGV, m/s"), ("pga", "PGA, g")):
         values = np.array([getattr(one, field) for one in strengths])[:, None] * SCALES
         shares = stats.norm.cdf(np.log(values / np.median(values)) / 0.3)[:, None]
-        made = Fragility(
+        curves = Fragility(
             tuple(scenes), "scene", np.arange(8.0), np.empty(0), SCALES, shares, np.full(shares.shape, np.nan),
             "exact", 1000, True, {}, "", {}, 0.0,
         )  # fmt: skip
-        found = ranked(made)
-        assert {one.measure for one in found} == {"PGA, g", "PGV, m/s"}  # p PGV/(g tan θ_cr) is PGV for one block
-        assert found[0].deviance == pytest.approx(0.0, abs=1e-6)
+        rankings = ranked(curves)
+        assert {one.measure for one in rankings} == {"PGA, g", "PGV, m/s"}  # p PGV/(g tan θ_cr) is PGV for one block
+        assert rankings[0].deviance == pytest.approx(0.0, abs=1e-6)
         if field == "pga":
-            assert found[0].measure == first
-            assert found[0].dispersion == pytest.approx(0.3, rel=1e-6)
-            assert found[1].deviance > 5.0
+            assert rankings[0].measure == first
+            assert rankings[0].dispersion == pytest.approx(0.3, rel=1e-6)
+            assert rankings[1].deviance > 5.0
         else:
-            assert found[0].measure == first
-            assert found[1].deviance > 5.0
+            assert rankings[0].measure == first
+            assert rankings[1].deviance > 5.0
     assert ranked(fragility(scenes[0].varied(noise=NoNoise(), block=Block(0.9, SIZE)), scale=(0.1, 0.2))) == []

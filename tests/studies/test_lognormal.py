@@ -47,13 +47,13 @@ def test_against_an_independent_maximum_and_its_curvature():
             np.round(shares * size), size, stats.norm.cdf((np.log(SCALE) - logs[0]) / np.exp(logs[1]))
         ).sum()
 
-    found = optimize.minimize(loss, [0.0, -1.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x
+    result = optimize.minimize(loss, [0.0, -1.0], method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).x
     fit = fit_lognormal(SCALE, shares, size, level=0.9)
-    assert np.allclose([fit.median, fit.dispersion], np.exp(found), rtol=1e-6)
+    assert np.allclose([fit.median, fit.dispersion], np.exp(result), rtol=1e-6)
     step, hessian = 1e-3, np.empty((2, 2))
     for i, a in enumerate(np.eye(2) * step):
         for j, b in enumerate(np.eye(2) * step):
-            corners = loss(found + a + b) - loss(found + a - b) - loss(found - a + b) + loss(found - a - b)
+            corners = loss(result + a + b) - loss(result + a - b) - loss(result - a + b) + loss(result - a - b)
             hessian[i, j] = corners / (4.0 * step**2)
     errors = np.sqrt(np.diag(np.linalg.inv(hessian)))
     reach = np.exp(stats.norm.ppf(0.95) * errors)
@@ -109,10 +109,10 @@ def test_a_density_a_little_beyond_0_and_1_is_fitted_as_0_and_1():
     beyond = sure - 1e-3 * (sure == 0.0) + 1e-3 * (sure == 1.0)
     assert beyond.min() == -1e-3
     assert beyond.max() == 1.0 + 1e-3
-    found, wanted = fit_lognormal(SCALE, beyond), fit_lognormal(SCALE, sure)
-    assert (found.median, found.dispersion, found.misfit) == (wanted.median, wanted.dispersion, wanted.misfit)
-    assert found.reason == ""
-    assert found.median == pytest.approx(MEDIAN, rel=0.01)
+    result, wanted = fit_lognormal(SCALE, beyond), fit_lognormal(SCALE, sure)
+    assert (result.median, result.dispersion, result.misfit) == (wanted.median, wanted.dispersion, wanted.misfit)
+    assert result.reason == ""
+    assert result.median == pytest.approx(MEDIAN, rel=0.01)
     assert fit_lognormal(SCALE, np.full(12, -1e-3)).reason == "the probability is 0 at all scales"
 
 

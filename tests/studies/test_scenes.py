@@ -53,8 +53,8 @@ def test_a_resized_block_is_that_block_under_the_same_shaking(kind):
     old = Scene.from_block(0.6, 2.0, **SHAKINGS[kind], **NOISE)
     same(resized(old, width=0.9, height=4.0), Scene.from_block(0.9, 4.0, **SHAKINGS[kind], **NOISE))
     same(resized(old, height=4.0), Scene.from_block(0.6, 4.0, **SHAKINGS[kind], **NOISE))
-    given = Scene.from_block(0.6, 2.0, restitution=0.8, **SHAKINGS[kind], **NOISE)
-    assert resized(given, width=0.9).block.restitution == 0.8
+    dull = Scene.from_block(0.6, 2.0, restitution=0.8, **SHAKINGS[kind], **NOISE)
+    assert resized(dull, width=0.9).block.restitution == 0.8
     if kind == "record":
         assert np.allclose(resized(old, width=0.9).forcing.forces, SAMPLES / (9.80665 * math.atan2(0.9, 2.0)))
 
@@ -75,7 +75,7 @@ def test_scaled_shaking(kind):
 
 
 def test_what_is_physical_is_kept():
-    """Noise of a given spectrum, and a start in radians and seconds, on blocks of three times the width."""
+    """Noise of a dull spectrum, and a start in radians and seconds, on blocks of three times the width."""
     start = Start(0.3, 0.2, ((0.01, 0.004), (0.004, 0.02)))
     forcing = Harmonics(2.0, (1.0, 0.5), (0.1, 0.2))
     small = Scene.from_block(0.3, 2.0, 1.0, 1.0)
@@ -172,19 +172,19 @@ def forced(forcing):
     ids=str,
 )
 def test_intensities_in_closed_form(forcing, acceleration, velocity):
-    found = intensities(forced(forcing))
-    assert found.acceleration == pytest.approx(acceleration, rel=1e-12)
-    assert found.velocity == pytest.approx(velocity, rel=1e-7)
-    assert found.relative_velocity == found.velocity
-    assert np.isnan([found.pga, found.pgv]).all()
+    result = intensities(forced(forcing))
+    assert result.acceleration == pytest.approx(acceleration, rel=1e-12)
+    assert result.velocity == pytest.approx(velocity, rel=1e-7)
+    assert result.relative_velocity == result.velocity
+    assert np.isnan([result.pga, result.pgv]).all()
 
 
 def test_intensities_of_several_harmonics():
     forcing = Harmonics(2.0, (1.0, 0.8), (0.3, 1.1))
     time = np.linspace(0.0, forcing.period, 200_001)
     velocity = -np.sin(2.0 * time + 0.3) / 2.0 - 0.8 * np.sin(4.0 * time + 1.1) / 4.0
-    found = intensities(forced(forcing))
-    assert found.velocity == pytest.approx(np.abs(velocity).max(), rel=1e-9)
+    result = intensities(forced(forcing))
+    assert result.velocity == pytest.approx(np.abs(velocity).max(), rel=1e-9)
 
 
 def test_the_velocity_of_a_drift_is_warned_of():
@@ -194,10 +194,10 @@ def test_the_velocity_of_a_drift_is_warned_of():
     with pytest.warns(
         UserWarning, match=r"BAM.AT2 drifts: its PGV of 1.\d+ m/s as recorded is that of a drifting integral"
     ):
-        found = intensities(scene)
+        result = intensities(scene)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert measured(scene) == found
+        assert measured(scene) == result
         intensities(Scene.from_block(0.5, 1.8, record=dataclasses.replace(drifting, baseline="high-pass")))
 
 
@@ -206,9 +206,9 @@ def test_intensities_with_units():
     size, time = scene.block.dimensions, np.linspace(0.0, 59 * 0.05, 590_001)
     course = np.interp(time, np.arange(60) * 0.05, SAMPLES)
     pgv = np.abs(np.cumsum(0.5 * (course[1:] + course[:-1]) * np.diff(time))).max()
-    found = intensities(scene)
-    assert found.pga == pytest.approx(np.abs(SAMPLES).max(), rel=1e-13)
-    assert found.pgv == pytest.approx(pgv, rel=1e-8)
+    result = intensities(scene)
+    assert result.pga == pytest.approx(np.abs(SAMPLES).max(), rel=1e-13)
+    assert result.pgv == pytest.approx(pgv, rel=1e-8)
     tangent = 0.6 / 2.0
-    assert found.relative_velocity == pytest.approx(size.frequency_parameter * pgv / (9.80665 * tangent), rel=1e-8)
-    assert np.allclose(intensities(scaled(scene, 2.5))[:4], 2.5 * np.array(found[:4]), rtol=1e-12)
+    assert result.relative_velocity == pytest.approx(size.frequency_parameter * pgv / (9.80665 * tangent), rel=1e-8)
+    assert np.allclose(intensities(scaled(scene, 2.5))[:4], 2.5 * np.array(result[:4]), rtol=1e-12)

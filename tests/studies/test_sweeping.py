@@ -25,7 +25,7 @@ AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
 GRID = grid(SCENE, {"forcing.amplitude": AMPLITUDES})
 
 
-def told(rows):
+def rows_without_seconds(rows):
     """Rows without what a clock says."""
     return [{name: value for name, value in row.items() if name != "wall_s"} for row in rows]
 
@@ -58,9 +58,9 @@ def test_same_rows_from_any_workers(workers):
     """One of them is of a scene that the task refuses."""
     asked = {"scenes": (*GRID.scenes, SCENE.varied(forcing={"phase": -1.0})), "task": study_tasks.amplitude, "seed": 7}
     with concurrent.futures.ThreadPoolExecutor(3) as pool:
-        found = sweep(**asked, workers=pool if workers == "threads" else workers)
-    assert told(found.rows) == told(sweep(**asked).rows)
-    assert [row["cell"] for row in found.failed] == [5]
+        sweep_result = sweep(**asked, workers=pool if workers == "threads" else workers)
+    assert rows_without_seconds(sweep_result.rows) == rows_without_seconds(sweep(**asked).rows)
+    assert [row["cell"] for row in sweep_result.failed] == [5]
 
 
 def test_monte_carlo_and_density_by_name():
@@ -69,7 +69,7 @@ def test_monte_carlo_and_density_by_name():
     two = sweep(noisy, "mc", workers=2, cycles=2, realizations=300)
     one = simulate(noisy.scenes[1], cycles=2, realizations=300, seed=seed_of(1, 1))
     assert two.rows[1]["values"]["survival"] == one.survival.tolist()
-    assert told(two.rows) == told(sweep(noisy, "mc", cycles=2, realizations=300).rows)
+    assert rows_without_seconds(two.rows) == rows_without_seconds(sweep(noisy, "mc", cycles=2, realizations=300).rows)
     density = sweep(noisy.scenes[1:], "fpk", cycles=2, tol=1e-2)
     near = 4.0 * np.sqrt(0.25 / 300) + density.values("error_estimate")
     assert np.all(np.abs(density.values("survival") - two.values("survival")[1:]) < near)
@@ -77,13 +77,13 @@ def test_monte_carlo_and_density_by_name():
 
 def test_kernels_are_compiled_before_workers_start(monkeypatch):
     """Those of the engines that the scenes ask for; here the workers are this process."""
-    told, begun = [], []
+    compiled, begun = [], []
 
     def rows_from(workers, task, jobs, options):
-        begun.append((workers, tuple(told)))
+        begun.append((workers, tuple(compiled)))
         yield from (run_job(task, job, options) for job in jobs)
 
-    monkeypatch.setattr(precompilation, "ensure_compiled", told.append)
+    monkeypatch.setattr(precompilation, "ensure_compiled", compiled.append)
     monkeypatch.setattr(execution, "_rows_from", rows_from)
     white = SCENE.varied(noise=WhiteNoise(0.01))
     for workers in (1, 2):
@@ -110,11 +110,11 @@ def test_kernels_are_those_of_the_engines_that_will_run():
 
 
 def test_grid_has_its_last_axis_fastest():
-    made = grid(SCENE, {"forcing.amplitude": (1.0, 2.0), "block.restitution": (0.3, 0.6, 0.9)})
-    assert made.shape == (2, 3)
-    assert made.parameters(4) == {"forcing.amplitude": 2.0, "block.restitution": 0.6}
-    assert (made.scenes[4].forcing.amplitude, made.scenes[4].block.restitution) == (2.0, 0.6)
-    assert sweep(made, study_tasks.amplitude).values("amplitude").tolist() == [[1.0] * 3, [2.0] * 3]
+    cells = grid(SCENE, {"forcing.amplitude": (1.0, 2.0), "block.restitution": (0.3, 0.6, 0.9)})
+    assert cells.shape == (2, 3)
+    assert cells.parameters(4) == {"forcing.amplitude": 2.0, "block.restitution": 0.6}
+    assert (cells.scenes[4].forcing.amplitude, cells.scenes[4].block.restitution) == (2.0, 0.6)
+    assert sweep(cells, study_tasks.amplitude).values("amplitude").tolist() == [[1.0] * 3, [2.0] * 3]
 
 
 @pytest.mark.parametrize(
@@ -127,13 +127,13 @@ def test_grid_has_its_last_axis_fastest():
 )
 def test_what_fails_is_a_row_with_its_reason(tmp_path, task, reason):
     scenes = [SCENE.varied(forcing={"phase": -1.0}), SCENE]
-    found = sweep(scenes, task)
-    assert found.rows[0]["reason"].startswith(reason)
-    assert found.rows[0]["values"] == {}
+    sweep_result = sweep(scenes, task)
+    assert sweep_result.rows[0]["reason"].startswith(reason)
+    assert sweep_result.rows[0]["values"] == {}
     if task is study_tasks.amplitude:
-        assert [row["cell"] for row in found.failed] == [0]
-        assert np.isnan(found.values("amplitude")).tolist() == [True, False]
-        found.to_csv(tmp_path / "rows.csv")
+        assert [row["cell"] for row in sweep_result.failed] == [0]
+        assert np.isnan(sweep_result.values("amplitude")).tolist() == [True, False]
+        sweep_result.to_csv(tmp_path / "rows.csv")
         first, second = csv.DictReader((tmp_path / "rows.csv").read_text().splitlines())
         assert (first["amplitude"], first["reason"]) == ("", reason)
         assert (float(second["amplitude"]), second["reason"]) == (4.6, "")
@@ -141,16 +141,18 @@ def test_what_fails_is_a_row_with_its_reason(tmp_path, task, reason):
 
 def test_a_killed_process_is_replaced(tmp_path):
     scenes = GRID.scenes[1:4]
-    found = sweep(scenes, study_tasks.deadly, seed=7, workers=2, folder=str(tmp_path), times=1)
-    assert told(found.rows) == told(sweep(scenes, study_tasks.amplitude, seed=7).rows)
+    sweep_result = sweep(scenes, study_tasks.deadly, seed=7, workers=2, folder=str(tmp_path), times=1)
+    assert rows_without_seconds(sweep_result.rows) == rows_without_seconds(
+        sweep(scenes, study_tasks.amplitude, seed=7).rows
+    )
 
 
 def test_a_job_that_kills_its_process_every_time_is_a_row(tmp_path):
     """Its neighbours are none that failed."""
     scenes = grid(SCENE, {"forcing.amplitude": (1.0, 2.0, 4.0, 3.0)})
-    found = sweep(scenes, study_tasks.deadly, workers=2, folder=str(tmp_path), times=99)
-    assert [row["cell"] for row in found.rows] == [0, 1, 2, 3]
-    assert [(row["cell"], row["reason"]) for row in found.failed] == [
+    sweep_result = sweep(scenes, study_tasks.deadly, workers=2, folder=str(tmp_path), times=99)
+    assert [row["cell"] for row in sweep_result.rows] == [0, 1, 2, 3]
+    assert [(row["cell"], row["reason"]) for row in sweep_result.failed] == [
         (3, "its process was killed, or ran out of memory")
     ]
     assert len(list(tmp_path.iterdir())) <= 3
@@ -168,8 +170,8 @@ class Refusing(concurrent.futures.ThreadPoolExecutor):
 
 def test_what_an_executor_cannot_run_is_tried_alone():
     with Refusing(2) as pool:
-        found = sweep([SCENE] * 20, study_tasks.amplitude, workers=pool)
-    assert [(row["cell"], row["reason"]) for row in found.failed] == [(9, "OSError: no worker survived it")]
+        sweep_result = sweep([SCENE] * 20, study_tasks.amplitude, workers=pool)
+    assert [(row["cell"], row["reason"]) for row in sweep_result.failed] == [(9, "OSError: no worker survived it")]
 
 
 def test_an_executor_that_takes_no_more_is_no_failure_of_a_job(tmp_path):
@@ -201,7 +203,9 @@ def test_an_executor_that_ends_is_a_plain_error_and_the_store_goes_on(tmp_path, 
         with Ending(1) as pool, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all"):
             sweep(GRID, study_tasks.amplitude, seed=7, workers=pool, store=store)
         assert store.read_bytes().count(b"\n") == 3
-        assert told(sweep(GRID, study_tasks.amplitude, seed=7, store=store).rows) == told(alone.rows)
+        assert rows_without_seconds(
+            sweep(GRID, study_tasks.amplitude, seed=7, store=store).rows
+        ) == rows_without_seconds(alone.rows)
 
 
 def stopping_at(count):
@@ -220,14 +224,14 @@ def test_a_stopped_sweep_goes_on(tmp_path, alone, workers):
     kept = store.read_bytes()
     assert kept.count(b"\n") == 3
     store.write_bytes(kept + b'{"cell": 4, "se' + 9000 * b" ")  # what a kill in the middle of a line leaves
-    found = sweep(GRID, study_tasks.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
-    assert told(found.rows) == told(alone.rows)
+    sweep_result = sweep(GRID, study_tasks.amplitude, seed=7, store=store, progress=lambda *done: reports.append(done))
+    assert rows_without_seconds(sweep_result.rows) == rows_without_seconds(alone.rows)
     assert reports == [(2, 5), (3, 5), (4, 5), (5, 5)]
     assert store.read_bytes().startswith(kept)
     assert store.read_bytes().endswith(b"}\n")
     # Nothing is left to do, and scenes may be added.
     more = sweep((*GRID.scenes, SCENE), study_tasks.amplitude, seed=7, store=store)
-    assert told(more.rows[:5]) == told(alone.rows)
+    assert rows_without_seconds(more.rows[:5]) == rows_without_seconds(alone.rows)
     assert store.read_bytes().count(b"\n") == 7
 
 
@@ -253,10 +257,12 @@ def test_stores_of_other_sweeps_are_refused(tmp_path):
 def test_a_sweep_that_ended_while_it_began_its_store_goes_on(tmp_path, alone, part):
     store = tmp_path / "rows.jsonl"
     sweep(GRID, study_tasks.amplitude, seed=7, store=store)
-    whole = store.read_bytes()
-    store.write_bytes(whole[:part])
-    assert told(sweep(GRID, study_tasks.amplitude, seed=7, store=store).rows) == told(alone.rows)
-    assert store.read_bytes().splitlines()[0] == whole.splitlines()[0]
+    content = store.read_bytes()
+    store.write_bytes(content[:part])
+    assert rows_without_seconds(sweep(GRID, study_tasks.amplitude, seed=7, store=store).rows) == rows_without_seconds(
+        alone.rows
+    )
+    assert store.read_bytes().splitlines()[0] == content.splitlines()[0]
 
 
 @pytest.mark.parametrize(
@@ -280,7 +286,7 @@ def test_damage_amid_a_store_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "text"),
+    ("options", "error", "text"),
     [
         ({"scenes": SCENE}, TypeError, "scenes: got Scene.*, accepted: one or more scenes"),
         ({"scenes": []}, ValueError, r"scenes: got \[\]|scenes: got \(\)"),
@@ -293,10 +299,10 @@ def test_damage_amid_a_store_is_refused(tmp_path):
         ({"store": "rows.jsonl", "option": {1, 2}}, TypeError, "options: .*set.*accepted with a store"),
     ],
 )
-def test_bad_input_is_refused_before_any_work(tmp_path, monkeypatch, given, error, text):
+def test_bad_input_is_refused_before_any_work(tmp_path, monkeypatch, options, error, text):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(error, match=text):
-        sweep(**{"scenes": GRID, "task": study_tasks.amplitude} | given)
+        sweep(**{"scenes": GRID, "task": study_tasks.amplitude} | options)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -322,8 +328,8 @@ def test_a_killed_sweep_leaves_whole_rows_and_no_workers(tmp_path):
     run.communicate(timeout=20)
     rows = store.read_bytes().count(b"\n") - 1
     assert 1 <= rows < 5
-    found = sweep(GRID, study_tasks.slow, store=store, seconds=0.5)
-    assert len(found.rows) == 5
+    sweep_result = sweep(GRID, study_tasks.slow, store=store, seconds=0.5)
+    assert len(sweep_result.rows) == 5
     assert json.loads(store.read_text().splitlines()[1])["wall_s"] >= 0.5
 
 
@@ -342,7 +348,7 @@ def test_a_store_is_taken_by_one_sweep_at_a_time(tmp_path, alone):
 
     with pytest.raises(KeyboardInterrupt):
         sweep(GRID, **asked, progress=again)
-    assert told(sweep(GRID, **asked, progress=again).rows) == told(alone.rows)
+    assert rows_without_seconds(sweep(GRID, **asked, progress=again).rows) == rows_without_seconds(alone.rows)
     assert refused == [0, 1, 2, 3, 3, 4, 5]
     assert store.read_bytes().count(b"\n") == 6
 

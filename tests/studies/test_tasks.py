@@ -36,9 +36,9 @@ def ran(monkeypatch):
     """The scenes and parameters that are simulated, by a stand-in in which the slender blocks overturn more often."""
     calls = []
 
-    def simulate(scene, **given):
-        calls.append((scene, given))
-        draws = np.random.default_rng(given["seed"]).random(given["realizations"])
+    def simulate(scene, **options):
+        calls.append((scene, options))
+        draws = np.random.default_rng(options["seed"]).random(options["realizations"])
         end = np.where(draws < (0.3 if scene.block.critical_angle else 0.4), 1.0, math.nan)
         return types.SimpleNamespace(overturn_time=end)
 
@@ -48,24 +48,24 @@ def ran(monkeypatch):
 
 @pytest.mark.parametrize("slender", [False, True])
 def test_both_equations_meet_the_same_realizations(ran, slender):
-    found = slenderness_cost(SCENE.varied(block={"slender": slender}), cycles=3, realizations=2000, seed=4)
-    (exact, given), (other, same) = ran
+    result = slenderness_cost(SCENE.varied(block={"slender": slender}), cycles=3, realizations=2000, seed=4)
+    (exact, options), (other, same) = ran
     assert exact == SCENE
     assert other == SCENE.varied(block={"slender": True})
-    assert given == same == {"cycles": 3, "times": None, "realizations": 2000, "seed": 4, "method": None}
+    assert options == same == {"cycles": 3, "times": None, "realizations": 2000, "seed": 4, "method": None}
     draws = np.random.default_rng(4).random(2000)
     pairs = (draws < 0.4).astype(float) - (draws < 0.3)
-    assert found.difference == pytest.approx(pairs.mean(), rel=1e-12)
-    assert found.standard_error == pytest.approx(pairs.std() / math.sqrt(2000), rel=1e-12)
-    assert (found.exact, found.slender) == ((draws < 0.3).mean(), (draws < 0.4).mean())
-    text = f"the difference is {found.difference:+.4f} ± {found.standard_error:.2g} (standard error)."
-    assert str(found).endswith(text)
+    assert result.difference == pytest.approx(pairs.mean(), rel=1e-12)
+    assert result.standard_error == pytest.approx(pairs.std() / math.sqrt(2000), rel=1e-12)
+    assert (result.exact, result.slender) == ((draws < 0.3).mean(), (draws < 0.4).mean())
+    text = f"the difference is {result.difference:+.4f} ± {result.standard_error:.2g} (standard error)."
+    assert str(result).endswith(text)
 
 
 def test_pairs_that_never_differ_have_an_error_and_one_path_has_none(ran):
     scene = SCENE.varied(block=Block(0.9, critical_angle=0.2))
-    found = slenderness_cost(scene, cycles=3, realizations=1, seed=4)
-    assert (found.difference, found.standard_error) == (0.0, 1.0)
+    result = slenderness_cost(scene, cycles=3, realizations=1, seed=4)
+    assert (result.difference, result.standard_error) == (0.0, 1.0)
     assert [one.block.critical_angle for one, _ in ran] == [0.2, 0.0]
     assert slenderness_cost(scene.varied(noise=NoNoise()), cycles=3, realizations=1).standard_error == 0.0
 
@@ -77,9 +77,9 @@ def test_a_block_of_known_cost():
     """
     shaken = {"noise_rms_acceleration": 0.5, "noise_band_hz": (0.0, 5.0)}
     scene = Scene.from_block(0.6, 2.0, 0.3 * 9.80665, 1.0, **shaken)
-    found = slenderness_cost(scene, cycles=10, realizations=3000)
-    assert abs(found.difference - 0.091) < 4.5 * math.hypot(found.standard_error, 0.006)
-    assert found.difference > 6.0 * found.standard_error
+    result = slenderness_cost(scene, cycles=10, realizations=3000)
+    assert abs(result.difference - 0.091) < 4.5 * math.hypot(result.standard_error, 0.006)
+    assert result.difference > 6.0 * result.standard_error
 
 
 def test_a_block_without_an_angle_is_refused():

@@ -6,7 +6,6 @@ set up once for its phase of the forcing and applied in every cycle.
 """
 
 import dataclasses
-import functools
 import itertools
 import math
 
@@ -17,118 +16,13 @@ from fpk_rocking.base.basis import find_cells, gauss_hermite_product, gauss_lege
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.characteristics import GaussPoints, Noise, event_cells, principal_axes, trace_cells
+from fpk_rocking.density.step.cells import GaussPoints, event_cells
+from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_cells
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.scatter import AffinePaths, Chunks, SourceCells, gather, scatter, sum_buffers
 from fpk_rocking.density.step.targets import Targets
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.forcing import Force
-from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import gravity_at_contact
-from fpk_rocking.physics.motion.equation import KernelBlock
-from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
-from fpk_rocking.physics.motion.particular import affine_flights
-from fpk_rocking.physics.motion.segment import segment_from_particular
-from fpk_rocking.physics.noise.envelope import Envelope
-
-
-@dataclasses.dataclass(frozen=True)
-class Dynamics:
-    """Forcing, white noise and block of a scene, as the steps of the density take them; nondimensional.
-
-    Parameters
-    ----------
-    forcing : Force
-    diffusion, restitution, cutoff : float
-        D, e and the angle of overturning.
-    envelope : Envelope, optional
-        g, where the diffusion is D g².
-    least_intensity : float
-        Least g² of a step.
-    critical_angle : float, optional
-        α, radians, of an exact block.
-    """
-
-    forcing: Force
-    diffusion: float
-    restitution: float
-    cutoff: float
-    envelope: Envelope | None = None
-    least_intensity: float = TUNING.least_intensity
-    critical_angle: float | None = None
-
-    @classmethod
-    def of(cls, scene):
-        """Return the dynamics of a scene with white noise."""
-        noise, block = scene.noise, scene.block
-        common = scene.forcing, noise.diffusion, block.restitution, scene.overturning.angle, noise.envelope
-        return cls(*common, critical_angle=block.critical_angle or None)
-
-    def later(self, time):
-        """Return the dynamics whose times count from a `time` on, nondimensional."""
-        envelope = self.envelope and self.envelope.shifted(time)
-        return dataclasses.replace(self, forcing=self.forcing.shifted(time), envelope=envelope)
-
-    def averaged_over(self, start, duration):
-        """Return the dynamics with a constant diffusion, over a step from `start` of a `duration`.
-
-        It is the mean of D g² over the step, at least `least_intensity` of D.
-        """
-        if self.envelope is None:
-            return self
-        begin, end = self.envelope.squared_integral(np.array([start, start + duration]))
-        mean = max((end - begin) / duration, self.least_intensity)
-        return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
-
-    def covariance(self, start, duration):
-        """Return the covariance xx, xv, vv that noise adds to a flight without impact over a step.
-
-        The step has a `start` and a `duration`, nondimensional times.
-        """
-        if self.envelope is None:
-            return flight_covariance(self.diffusion, duration)
-        points, weights = gauss_legendre(16)
-        late = duration * points[::-1]
-        strength = np.maximum(self.envelope.value(start + duration - late) ** 2, self.least_intensity)
-        weights = 2.0 * self.diffusion * duration * weights * strength
-        return tuple(float(part) for part in accumulated_covariance(weights, late))
-
-    def segment(self, start, duration):
-        """Return the forcing over a step from `start` of a `duration` as a `Segment`, which the kernels take."""
-        return segment_from_particular(self.forcing.particular_over(start, duration), np.empty(TERMS), duration)
-
-    def affine(self, start, duration):
-        """Return the flight over a step from `start` of a `duration` as `AffineFlights`.
-
-        For an exact block `FreeFlight` adds the rest.
-        """
-        ends, part = (start, start + duration), gravity_at_contact(self.critical_angle)
-        return affine_flights(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
-
-    @property
-    def block(self):
-        """The block as a `KernelBlock`, which the kernels take."""
-        return KernelBlock(self.restitution, self.cutoff, self.critical_angle)
-
-    @property
-    def lift_off(self):
-        """Largest |f| under which a block at rest stays."""
-        return lift_off(self.critical_angle or 0.0)
-
-    def since_lift_off(self, time):
-        """Time since |f| last rose through the level of lift-off, and the slope of |f| there; nondimensional.
-
-        (inf, 0) if it never did before `time`.
-        """
-        level = self.lift_off
-        since, slope = _forcing_in_units_of(self.forcing, level).since_lift_off(time)
-        return since, level * slope
-
-
-@functools.lru_cache(maxsize=8)
-def _forcing_in_units_of(forcing, level):
-    """Return a `Force` divided by a `level` of lift-off, the same object each time: it remembers its lift-offs."""
-    return forcing.in_units_of(level)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -179,8 +179,9 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
 def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
     """Relative scatter between realizations of band noise, as the standard deviation of their equivalent diffusions.
 
-    A realization draws the frequencies of its N harmonics once, and how strongly it acts on the block depends on them.
-    The scatter falls like N^(-1/2).
+    A realization draws its N harmonics once, and how strongly it acts on the block depends on their frequencies, and on
+    the amplitudes of stratified ones. The scatter falls like N^(-1/2). It acts over long times: within a duration for
+    which stratified harmonics are enough (`BandNoise`) no path can tell them from Gaussian noise.
 
     Parameters
     ----------
@@ -210,8 +211,16 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
     banded = _band(noise)
     weights, frequency = _quadrature(banded)
     values = np.asarray(response(frequency, restitution, critical_angle))
+    mean, square = weights @ values, weights @ values**2
+    if banded.frequencies == "stratified":
+        (low, high), parts = banded.band, np.arange(banded.harmonics)[:, None]
+        nodes, weights = gauss_legendre(8, 0.0, 1.0)
+        places = low + (high - low) * (parts + nodes) / banded.harmonics
+        means = np.asarray(response(places, restitution, critical_angle)) @ weights
+        # Squared amplitudes are exponential: their mean square is twice their squared mean.
+        return math.sqrt((2.0 * square - np.mean(means**2)) / banded.harmonics) / mean
     # A band so narrow that its responses do not differ may come out below zero by rounding.
-    return math.sqrt(max(weights @ values**2 / (weights @ values) ** 2 - 1.0, 0.0) / banded.harmonics)
+    return math.sqrt(max(square / mean**2 - 1.0, 0.0) / banded.harmonics)
 
 
 def _quadrature(noise: BandNoise) -> tuple[Array, Array]:

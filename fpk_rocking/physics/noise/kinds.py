@@ -5,6 +5,7 @@ Their common attributes are `kind`, the name in a scene file; `envelope`, None w
 """
 
 import dataclasses
+import math
 from typing import ClassVar, Literal, Self
 
 from fpk_rocking.base import checks
@@ -28,12 +29,29 @@ def _scaled(noise, rate, **changed):
 
 
 HARMONICS = 100
-"""Harmonics of band noise, unless given."""
+"""Harmonics of band noise, unless given; those of a block with dimensions may be more, see `enough_harmonics`."""
+
+FREQUENCIES = "independent", "stratified"
+"""How the frequencies of band noise are drawn."""
+
+
+def enough_harmonics(band: tuple[float, float], duration: float) -> int:
+    """Return how many harmonics band noise over a duration needs: the width of its band in turns times the duration.
+
+    `band` holds angular frequencies and `duration` is a time, both nondimensional. With fewer, the sum of stratified
+    harmonics has another correlation than the noise at lags within the duration.
+    """
+    return math.ceil((band[1] - band[0]) * duration / (2.0 * math.pi) - 1e-9)
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class BandNoise:
-    """Shinozuka noise: harmonics with random frequencies in a band and random phases (paper eq. 4).
+    """Noise with a flat spectrum in a band: a sum of harmonics with random frequencies and random phases.
+
+    With frequencies that are drawn independently it is Shinozuka noise (paper eq. 4). How many of them are near those
+    that move the block differs between the realizations, and so does their strength: with few harmonics small
+    probabilities of overturning are too large, by a factor of 2 to 20 with 100. Stratified frequencies, with Gaussian
+    amplitudes, make the noise Gaussian with the band's spectrum as long as there are `enough_harmonics`.
 
     Parameters
     ----------
@@ -48,6 +66,10 @@ class BandNoise:
         noises are compared.
     envelope : Trapezoid, Exponential or Table, optional
         Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
+    frequencies : {"independent", "stratified"}
+        "independent": each is uniform in the band, and all amplitudes are equal. "stratified": one is uniform in each
+        of N equal parts of the band, and the amplitudes are those of Gaussian noise. Scenes in metres and m/s²
+        (`Scene.from_block`, and files with ``[block.dimensions]``) take these by default.
 
     Examples
     --------
@@ -63,8 +85,12 @@ class BandNoise:
     harmonics: int = HARMONICS
     remark: str = dataclasses.field(default="", compare=False)
     envelope: Trapezoid | Exponential | Table | None = None
+    frequencies: str = FREQUENCIES[0]
 
     def __post_init__(self):
+        if self.frequencies not in FREQUENCIES:
+            accepted = " or ".join(map(repr, FREQUENCIES))
+            raise ValueError(checks.refusal("noise.frequencies", self.frequencies, accepted))
         checks.keep_numbers(self, "noise", "variance", at_least=0.0)
         checks.keep(self, band=checks.interval("noise.band", self.band))
         checks.keep(self, harmonics=checks.count("noise.harmonics", self.harmonics))

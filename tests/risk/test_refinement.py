@@ -1,0 +1,81 @@
+"""Intensities that are added with noise: the rate does not depend on those that were asked for."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+from suites import SIZE, record
+
+from fpk_rocking import BandNoise, Block, Scene
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.risk.refinement import refined
+from fpk_rocking.studies.lognormal import LognormalFit
+from fpk_rocking.studies.result import Fragility
+
+MOTIONS, HAZARD = 8, Hazard.power_law(1e-4, 2.5)
+
+
+@pytest.mark.parametrize("suite", range(5))
+def test_rates_by_8_24_and_48_intensities_are_within_two_percent(suite):
+    """Curves that rise, fall at a resonance and rise again, sampled with 10,000 paths; the truth is their integral.
+
+    In 5 suites and 15 draws the largest spread was 0.7 %, so that false alarms are rare. By the lognormal fit, which
+    stands in some of these suites, it was 10 %.
+    """
+    rng, draw = np.random.default_rng(100 + suite), np.random.default_rng(suite)
+    medians, noise = np.exp(0.5 * rng.standard_normal(MOTIONS)), rng.uniform(0.08, 0.35, MOTIONS)
+    weight, low = rng.uniform(0.0, 0.25, MOTIONS), medians * rng.uniform(0.4, 0.7, MOTIONS)
+    scenes = tuple(
+        at_intensity(Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9))) for n in range(MOTIONS)
+    )
+
+    def probability(scale):
+        """Probability of each motion (8, n) at scales."""
+        away = np.log(scale / low[:, None]) / 0.1
+        bump = weight[:, None] * ndtr(away) * (1.0 - ndtr(away - np.log(1.4) / 0.1))
+        return np.minimum(bump + ndtr(np.log(scale / medians[:, None]) / noise[:, None]), 1.0)
+
+    def sample(scale, _):
+        """Return the fragility of a sample of 10,000 paths of each motion at each scale."""
+        shares = draw.binomial(10_000, probability(scale))[:, None] / 10_000
+        return Fragility(
+            scenes, "scene", np.arange(MOTIONS), np.empty(0), scale, shares, np.full(shares.shape, np.nan),
+            "exact", 10_000, True, {}, "", {}, 0.0,
+        )  # fmt: skip
+
+    def risk_of(curves):
+        """Return the risk by the points of a fragility."""
+        curve = IntensityCurve.of(curves, "PGV", samples=1)
+        return annual_frequency(dataclasses.replace(curve, refined=True), HAZARD)
+
+    grid = np.geomspace(0.01, 100.0, 100_001)
+    truth = (probability(np.sqrt(grid[1:] * grid[:-1])).mean(axis=0) * -np.diff(HAZARD(grid))).sum()
+    rates = [risk_of(refined(sample, risk_of, np.geomspace(0.1, 4.0, count))[0]).rate for count in (8, 24, 48)]
+    assert max(rates) < 1.02 * min(rates)
+    assert rates == pytest.approx([truth] * 3, rel=0.02)
+
+
+def test_the_rate_of_a_refined_curve_is_by_its_points_and_within_its_limits():
+    """A fit of twice the probability: by it the rate is outside what the points say, and its limits are widened."""
+    scale = np.geomspace(0.2, 3.0, 40)
+    share = 0.5 * LognormalFit(0.7, 0.4)(scale)
+    fit = LognormalFit(0.7, 0.4, misfit=0.0)
+    curve = IntensityCurve(
+        "overturned",
+        "PGV",
+        scale,
+        share,
+        np.stack([share, share], axis=-1),
+        fit,
+        np.array([(0.7, 0.4)] * 9),
+        8,
+        units=8,
+    )
+    by_fit, by_points = (annual_frequency(dataclasses.replace(curve, refined=by), HAZARD) for by in (False, True))
+    inside = (0.5 * (share[1:] + share[:-1]) * -np.diff(HAZARD(scale))).sum() + share[-1] * HAZARD(scale[-1])
+    assert by_points.rate == pytest.approx(inside / (1.0 - by_points.below_curve), rel=5e-3)
+    assert by_fit.rate == pytest.approx(2.0 * by_points.rate, rel=0.1)
+    assert by_points.interval == pytest.approx((by_points.rate, by_fit.rate), rel=1e-6)
+    assert "By the points, joined by lines" in by_points.sentences[0]
+    assert "By the lognormal curve" in by_fit.sentences[0]
