@@ -41,9 +41,9 @@ class Body(BlockSize):
     >>> from fpk_rocking import Body
     >>> statue = Body(height_of_centre=1.1, right=0.30, left=0.38, radius_of_gyration=0.62)
     >>> print(f"p = {statue.frequency_parameter:.2f} rad/s, {statue.radians(1.0):.3f} rad")
-    p = 2.66 rad/s, 0.266 rad
+    p = 2.58 rad/s, 0.266 rad
     >>> print("e = {:.3f} from the left, {:.3f} from the right".format(*statue.restitution))
-    e = 0.880 from the left, 0.851 from the right
+    e = 0.879 from the left, 0.851 from the right
     """
 
     height_of_centre: float
