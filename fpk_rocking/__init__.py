@@ -10,6 +10,7 @@ import importlib
 __all__ = [
     "BandNoise",
     "Block",
+    "Body",
     "CloughPenzien",
     "CycleOperator",
     "Dimensions",

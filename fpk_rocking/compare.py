@@ -352,11 +352,11 @@ def _bin_distances(results, sizes, cycle, edges):
 def _melnikov(results) -> dict:
     """Figures of the Melnikov process, by the names of their fields, of a pair of `SurvivalResult`.
 
-    None each where the forcing does not repeat.
+    None each where the forcing does not repeat, or the sides of the block differ.
     """
     forcing, block = results[0].scene.forcing, results[0].scene.block
     restitution, angle = block.restitution, block.critical_angle
-    if forcing.period is None:
+    if forcing.period is None or not block.symmetric:
         names = "melnikov_amplitude", "melnikov_loss", "melnikov_deviation", "melnikov_margin", "phase_flux"
         return dict.fromkeys(names)
     noises = [result.scene.noise for result in results]

@@ -128,7 +128,7 @@ def contact_forces(histories: Histories) -> ContactForces:
     Parameters
     ----------
     histories : Histories
-        Of a block with dimensions or a critical angle above 0, by any method but "white".
+        Of a block with a size or a critical angle above 0, by any method but "white".
 
     Returns
     -------
@@ -160,7 +160,10 @@ def contact_forces(histories: Histories) -> ContactForces:
     force = _total_force(scene, histories.seed, count, histories.steps_per_cycle, histories.time)
     slender = scene.block.critical_angle == 0.0
     alpha = math.atan(scene.block.least_friction)
-    pair = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender)
+    body, sides = scene.block.body, forces.SidesOfContact()
+    if body is not None:
+        sides = forces.SidesOfContact(body.saddles, body.acceleration_scales, body.levers)
+    pair = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender, sides)
     return ContactForces(scene, histories.time, *pair)
 
 

@@ -86,7 +86,7 @@ class FilteredPropagator(CyclicPropagator):
         `constant` is that force, nondimensional, in units of the forcing.
         """
         forcing, block = periodic(self.scene.forcing).with_constant(constant), self.scene.block
-        common = forcing, 0.0, block.restitution, self.scene.overturning.angle
+        common = forcing, 0.0, block.restitution_by_side[0], self.scene.overturning.angle
         return Dynamics(*common, critical_angle=block.critical_angle or None)
 
     def _steps_at_nodes(self, k):
@@ -234,7 +234,7 @@ class FilteredPropagator(CyclicPropagator):
 def advance_from_rest(segment, duration, block):
     """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin.
 
-    The forcing is that of the `Segment` up to its time `duration`; `block` is a `Body`.
+    The forcing is that of the `Segment` up to its time `duration`; `block` is a `KernelBlock`.
     """
     x, v, side, _ = advance_through_events(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side

@@ -40,6 +40,7 @@ def refuse_unsolvable(scene: Scene) -> None:
     It is out of range, without noise, of too many states of a filter, or with infinitely many impacts.
     """
     limits.check(scene)
+    scene.block.require_symmetric("the density")
     noise = scene.noise
     if noise.kind == "filtered" and noise.space.order > 2:
         accepted = (
@@ -50,7 +51,7 @@ def refuse_unsolvable(scene: Scene) -> None:
     if (noise.diffusion if noise.kind == "white" else noise.variance) == 0.0:
         accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
         raise ValueError(f"noise: got none, accepted: {accepted}")
-    if noise.kind == "white" and scene.block.restitution <= CRITICAL_RESTITUTION:
+    if noise.kind == "white" and scene.block.restitution_by_side[0] <= CRITICAL_RESTITUTION:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
             "time and the motion after them is not defined; use Monte Carlo under band noise, or "

@@ -22,7 +22,7 @@ _FRAMES = 121
 
 _LEFT_OUT = (
     "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
-    "motion of the base, motion in three dimensions, anchorage, a centre of gravity above half the height, flexible "
+    "motion of the base, motion in three dimensions, anchorage{centre}, flexible "
     "bases and contents{scatter}. No error stated here contains these."
 )
 _FILM = (
@@ -100,7 +100,7 @@ def _without_samples(scene):
 def _units(scenes):
     """Sentence on the units of all numbers of some scenes (a sequence of `Scene`) that name none."""
     units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
-    sizes = list(dict.fromkeys(scene.block.dimensions for scene in scenes if scene.block.dimensions is not None))
+    sizes = list(dict.fromkeys(scene.block.size for scene in scenes if scene.block.size is not None))
     if len(sizes) != 1:
         return units
     angle, second = math.degrees(sizes[0].critical_angle), sizes[0].seconds(1.0)
@@ -111,7 +111,9 @@ def left_out(scenes, *, scatter=True):
     """Sentence on the effects that the model neglects for some scenes; scatter of restitution unless it was drawn."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
+    bodies = all(scene.block.body is not None for scene in scenes)
     return _LEFT_OUT.format(
+        centre="" if bodies else ", a centre of gravity above half the height",
         slender=f", with the equation of motion of a slender one{which}" if any(slender) else "",
         scatter=", and the scatter of restitution" * scatter,
     )

@@ -70,7 +70,7 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """
     cut_off = scene.overturning.angle
     driven = scene.forcing.swing
-    rebound = scene.block.restitution * (1.0 + driven)
+    rebound = max(scene.block.restitution_by_side) * (1.0 + driven)
     started = abs(scene.start.velocity) + abs(scene.start.angle)
     if scene.start.covariance is not None:
         (xx, _), (_, vv) = scene.start.covariance

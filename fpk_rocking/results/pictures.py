@@ -32,7 +32,7 @@ class PlaneUnits(NamedTuple):
 
 def plane_units(scene: Scene) -> PlaneUnits:
     """Return the `PlaneUnits` of a scene: degrees and degrees/s for a block with dimensions, else nondimensional."""
-    size = scene.block.dimensions
+    size = scene.block.size
     if size is None:
         return PlaneUnits()
     angle = math.degrees(size.critical_angle)

@@ -34,7 +34,8 @@ UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is
 def scene_text(scene: Scene) -> str:
     """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
     start = f"start at ({scene.start.angle:g}, {scene.start.velocity:g})"
-    return f"{scene.forcing}, e = {scene.block.restitution:g}, {start}, {noise_text(scene.noise)}; all nondimensional."
+    restitution = scene.block.restitution_text()
+    return f"{scene.forcing}, e = {restitution}, {start}, {noise_text(scene.noise)}; all nondimensional."
 
 
 def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
@@ -260,12 +261,12 @@ def _slender(block):
 
     It says by how much the moments about the corner are wrong.
     """
-    if not block.slender or block.dimensions is None:
+    if not block.slender or block.size is None:
         return []
-    size = block.dimensions
+    size = block.size
     gravity, shaking = (100.0 * error for error in size.slenderness_error)
     sentence = (
-        f"Slender block: {size.width:.3g} m by {size.height:.3g} m is treated as slender, as block.slender asks. The "
+        f"Slender block: {size} is treated as slender, as block.slender asks. The "
         f"moment of gravity is then too large by up to {gravity:.2g} %, that of the shaking by up to {shaking:.2g} %: "
         "fpk_rocking.studies.slenderness_cost(scene) measures what this changes."
     )

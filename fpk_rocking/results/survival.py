@@ -33,7 +33,7 @@ class RowResult(Result):
     @property
     def time_s(self) -> Array | None:
         """Times of the rows in seconds; None where the size of the block is unknown."""
-        size = self.scene.block.dimensions
+        size = self.scene.block.size
         return None if size is None else size.seconds(np.asarray(self.times))
 
     @property

@@ -15,8 +15,9 @@ from fpk_rocking.results import style
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.style import picture_html
+from fpk_rocking.scene.body import LENGTHS
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 from fpk_rocking.studies.motions import intensity_of, measured, motion_lines, motion_names
 from fpk_rocking.studies.picture import draw_curve, logarithmic
 
@@ -109,14 +110,16 @@ def _without_forcing(scene):
 
 def _block(scene, draws):
     """Return the sketch of the block, its figures, and what of it is uncertain."""
-    size = scene.block.dimensions
-    own = math.isclose(scene.block.restitution, size.restitution, rel_tol=1e-12) if size.width <= size.height else False
-    rows = {
-        "width": f"{size.width:.4g} m",
-        "height": f"{size.height:.4g} m",
+    size = scene.block.size
+    if isinstance(size, Dimensions):
+        own = size.width <= size.height and math.isclose(scene.block.restitution, size.restitution, rel_tol=1e-12)
+        lengths = {"width": size.width, "height": size.height}
+    else:
+        own, lengths = False, {name.replace("_", " "): getattr(size, name) for name in LENGTHS}
+    rows = {name: f"{value:.4g} m" for name, value in lengths.items()} | {
         "critical angle α": f"{math.degrees(size.critical_angle):.4g}°",
         "frequency parameter p": f"{size.frequency_parameter:.4g} rad/s",
-        "restitution": f"{scene.block.restitution:.4g}{', Housner' * own}",
+        "restitution": f"{scene.block.restitution_text('.4g')}{', Housner' * own}",
         "lifts off at": f"{scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY:.4g} g",
         "overturned at": f"{math.degrees(scene.overturning.angle * size.critical_angle):.4g}°",
         "slides before it rocks": f"friction below {scene.block.least_friction:.3g}",
@@ -128,21 +131,32 @@ def _block(scene, draws):
 
 
 def _sketch(size):
-    """Return a drawing of the block on its base with its width, height and critical angle."""
-    factor = 150.0 / max(size.width, size.height)
-    w, h = factor * size.width, factor * size.height
+    """Return a drawing of the block on its base with its width, height and critical angle.
+
+    Of a `Body` it has corners and centre, in a rectangle of twice the centre's height.
+    """
+    if isinstance(size, Dimensions):
+        width, height, right, left = size.width, size.height, 0.5 * size.width, None
+    else:
+        width, height, right, left = size.left + size.right, 2.0 * size.height_of_centre, size.right, size.left
+    easy = left is not None and left < right
+    factor = 150.0 / max(width, height)
+    w, h, outline = factor * width, factor * height, "" if left is None else " stroke-dasharray='2 4'"
     x, y, line = 40.0, 15.0, "stroke='#222' stroke-width='1.5'"
     text = "font-family='sans-serif' font-size='12' fill='#222'"
-    middle, centre = x + 0.5 * w, y + 0.5 * h
+    middle, centre = x + w - factor * right, y + 0.5 * h
+    corner = x if easy else x + w
+    below = f"{width:.3g} m" if left is None else f"{left:.3g} m | {right:.3g} m"
+    beside = f"{height:.3g} m" if left is None else f"{0.5 * height:.3g} m"
     angle = f"α = {math.degrees(size.critical_angle):.3g}°"
     return (
         f"<svg width='{w + 150:.0f}' height='{h + 60:.0f}' role='img' aria-label='The block'>"
-        f"<rect x='{x:.1f}' y='{y:.1f}' width='{w:.1f}' height='{h:.1f}' fill='#dbe7f0' {line}/>"
+        f"<rect x='{x:.1f}' y='{y:.1f}' width='{w:.1f}' height='{h:.1f}' fill='#dbe7f0' {line}{outline}/>"
         f"<line x1='10' x2='{x + w + 90:.1f}' y1='{y + h:.1f}' y2='{y + h:.1f}' stroke='#222' stroke-width='3'/>"
-        f"<line x1='{x + w:.1f}' y1='{y + h:.1f}' x2='{middle:.1f}' y2='{centre:.1f}' {line} stroke-dasharray='4 3'/>"
+        f"<line x1='{corner:.1f}' y1='{y + h:.1f}' x2='{middle:.1f}' y2='{centre:.1f}' {line} stroke-dasharray='4 3'/>"
         f"<circle cx='{middle:.1f}' cy='{centre:.1f}' r='3' fill='#222'/>"
-        f"<text x='{middle:.1f}' y='{y + h + 20:.1f}' text-anchor='middle' {text}>{size.width:.3g} m</text>"
-        f"<text x='{x + w + 8:.1f}' y='{centre:.1f}' {text}>{size.height:.3g} m</text>"
+        f"<text x='{middle:.1f}' y='{y + h + 20:.1f}' text-anchor='middle' {text}>{below}</text>"
+        f"<text x='{x + w + 8:.1f}' y='{centre:.1f}' {text}>{beside}</text>"
         f"<text x='{x + w + 8:.1f}' y='{y + h - 8:.1f}' {text}>{angle}</text></svg>"
     )
 
@@ -165,7 +179,7 @@ def _motions_text(study):
 
 def _noise(scene):
     """Return the noise of a scene as a text, that of a band in g and Hz."""
-    size, noise = scene.block.dimensions, scene.noise
+    size, noise = scene.block.size, scene.noise
     if noise.kind != "band":
         return f"{noise_text(noise)} (nondimensional)"
     rms = math.sqrt(noise.variance) * size.gravity * size.critical_angle / STANDARD_GRAVITY
@@ -177,7 +191,7 @@ def _noise(scene):
 def _motions(study):
     """Table of the motions as they are: name, seconds, PGA, PGV, and without noise what each does."""
     table, curve = study.table(), study.curve
-    lasting = [scene.block.dimensions.seconds(scene.forcing.duration) for scene in study.recorded]
+    lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
     names |= {"peak_rotation": "largest |θ|/α", "critical_scale": "critical scale"}
     names["critical_intensity"] = f"critical {curve.measure}, {curve.unit}"
@@ -255,11 +269,11 @@ def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None
 
     A figure gets a height by the number of motions.
     """
-    motions = [scene for scene in scenes if scene.block.dimensions is not None]
+    motions = [scene for scene in scenes if scene.block.size is not None]
     if figure is not None:
         figure.set_size_inches(7.0, 1.0 + 0.42 * len(motions))
     for place, scene in enumerate(motions):
-        motion, size = scene.forcing, not_none(scene.block.dimensions)
+        motion, size = scene.forcing, not_none(scene.block.size)
         span = motion.duration if np.isfinite(motion.duration) else 5.0 * motion.time_scale
         # The samples of a record themselves: another grid cuts peaks.
         if isinstance(motion, Record):

@@ -14,6 +14,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.noise.filters import Filter
+from fpk_rocking.scene.body import LENGTHS
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 _RANGES = {
@@ -109,7 +110,7 @@ def _check_bounces(scene):
     (xx, _), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     speed = math.hypot(abs(start.velocity) + math.sqrt(vv), math.sqrt(2.0 * (abs(start.angle) + math.sqrt(xx))))
     slowest = 1e-5
-    if 0.0 < speed < slowest and scene.block.restitution > 1.0 - 1e-6:
+    if 0.0 < speed < slowest and min(scene.block.restitution_by_side) > 1.0 - 1e-6:
         name = "start.velocity" if start.velocity else "start.angle"
         accepted = (
             f"0, or a start that leads to impacts of speed {slowest:g} or more: at the restitution "
@@ -133,15 +134,16 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     list of str
         Sentences.
     """
-    size = scene.block.dimensions
+    size = scene.block.size
     if size is None:
         return []
     sentences = []
-    for name in ("width", "height"):
+    kind = "dimensions" if scene.block.dimensions else "body"
+    for name in ("width", "height") if scene.block.dimensions else LENGTHS:
         value = getattr(size, name)
         if not 0.005 <= value <= 100.0:
             other = f"{1e3 * value:g} m" if value < 0.005 else f"{1e-3 * value:g} m"
-            sentences.append(f"block.dimensions.{name} is {value:g} m; was {other} meant?")
+            sentences.append(f"block.{kind}.{name} is {value:g} m; was {other} meant?")
     unit = size.gravity * size.critical_angle
     noise = _noise_rms(scene.noise) * unit
     # The strongest recorded accelerations are below 4.5 g.

@@ -26,6 +26,7 @@ from fpk_rocking.physics.noise.kinds import (
     WhiteNoise,
     enough_harmonics,
 )
+from fpk_rocking.scene.body import Body
 from fpk_rocking.scene.parts import Block, Overturning, Start
 from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
@@ -47,7 +48,7 @@ class Scene:
         Restitution, and the size of the block where units are wanted.
     forcing : Forcing
         Acceleration of the base that is known: `Harmonic`, `Harmonics`, `Pulse` or `Record`. A record needs
-        ``block.dimensions``.
+        ``block.dimensions`` or ``block.body``.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
         Random acceleration of the base.
     start : Start
@@ -60,7 +61,8 @@ class Scene:
     TypeError
         A part has the wrong type.
     ValueError
-        The start is at or beyond overturning, overturning is beyond 1 + π/(2α), or a record has no dimensions.
+        The start is at or beyond overturning, overturning is beyond 1 + π/(2α), or a record has a block without a
+        size.
 
     Examples
     --------
@@ -85,7 +87,7 @@ class Scene:
         checks.instance("noise", self.noise, *NOISES.values())
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
-        checks.keep(self, forcing=self.forcing.for_size(self.block.dimensions))
+        checks.keep(self, forcing=self.forcing.for_size(self.block.size))
         _check_cutoff(self.overturning.angle, self.block.critical_angle)
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
@@ -114,7 +116,7 @@ class Scene:
         ----------
         **parts : dict or part of a scene
             New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A change
-            of the noise drops its ``remark``, and new dimensions the critical angle, unless a new one is given.
+            of the noise drops its ``remark``, and a new size the critical angle, unless a new one is given.
 
         Returns
         -------
@@ -130,7 +132,9 @@ class Scene:
         for name, part in parts.items():
             if isinstance(part, dict):
                 cls = type(own[name])
-                dropped = {"remark"} | ({"critical_angle"} if part.keys() & {"dimensions", "slender"} else set())
+                dropped = {"remark"} | (
+                    {"critical_angle"} if part.keys() & {"dimensions", "body", "slender"} else set()
+                )
                 unchanged = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
                 parts[name] = cls(**checks.arguments(name, unchanged | part, cls))
         return dataclasses.replace(self, **parts)
@@ -148,6 +152,7 @@ class Scene:
         """
         if self.noise.kind == "white":
             return self
+        self.block.require_symmetric("noise of equal Melnikov variance")
         diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
         return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
@@ -173,6 +178,7 @@ class Scene:
             return self
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
+        self.block.require_symmetric("noise of equal Melnikov variance")
         ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
         frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle)
         if frequency is None:
@@ -187,15 +193,16 @@ class Scene:
     @classmethod
     def from_block(
         cls,
-        width: float | str,
-        height: float | str,
+        width: float | str | None = None,
+        height: float | str | None = None,
         peak_acceleration: float | str | None = None,
         frequency_hz: float | str | None = None,
         *,
         record: Forcing | None = None,
         pulse: str | None = None,
         pulse_cycles: int | None = None,
-        restitution: float | None = None,
+        body: Body | None = None,
+        restitution: float | tuple[float, float] | None = None,
         phase: float = 0.0,
         noise_rms_acceleration: float | str = 0.0,
         noise_band_hz: Sequence[float | str] | None = None,
@@ -204,6 +211,7 @@ class Scene:
         gravity: float = STANDARD_GRAVITY,
         start: Start = Start(),
         overturning: Overturning = Overturning(),
+        overturning_angle: float | str | None = None,
         slender: bool = False,
     ) -> Self:
         """Build a scene from the size of a block and the shaking of its base.
@@ -212,8 +220,8 @@ class Scene:
 
         Parameters
         ----------
-        width, height : float
-            Full width and height, metres.
+        width, height : float, optional
+            Full width and height of a rectangle, metres. Required without a body.
         peak_acceleration : float, optional
             Amplitude of a harmonic base acceleration, or peak of a pulse, m/s². Required without a record.
         frequency_hz : float, optional
@@ -224,8 +232,11 @@ class Scene:
             Shape of a pulse, see `Pulse`, in place of a harmonic acceleration.
         pulse_cycles : int, optional
             Number of cycles of the pulse "n-sine".
-        restitution : float, optional
-            Velocity after an impact over that before it; by default Housner's 1 - (3/2) sin²θ_cr.
+        body : Body, optional
+            Any rigid body, in place of width, height and gravity.
+        restitution : float or (float, float), optional
+            Velocity after an impact over that before it; by default Housner's 1 - (3/2) sin²θ_cr, or that of the body.
+            Two numbers are of impacts that leave the left side and of those that leave the right.
         phase : float
             Phase of the harmonic base acceleration, radians.
         noise_rms_acceleration : float
@@ -241,6 +252,8 @@ class Scene:
             Acceleration of gravity, m/s².
         start, overturning : Start, Overturning
             Nondimensional, angles in units of the critical angle.
+        overturning_angle : float, optional
+            Angle that counts as overturning, degrees, in place of `overturning`: 90 is the fall itself.
         slender : bool
             Take the equation of motion of a slender block instead of the exact one.
 
@@ -251,10 +264,10 @@ class Scene:
         Raises
         ------
         TypeError, ValueError
-            A value is refused, the block is too squat for Housner's restitution, or only one of strength and band of
+            A value is refused, the block is too squat for the default restitution, or only one of strength and band of
             the noise is given.
         """
-        size = Dimensions(width, height, gravity)  # type: ignore[arg-type]  # it reads texts
+        size = _size(width, height, gravity, body)
         forcing = _shaking(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
         rms = in_units("noise_rms_acceleration", noise_rms_acceleration, "acceleration")
         rms = checks.number("noise_rms_acceleration", rms, at_least=0.0)
@@ -265,7 +278,12 @@ class Scene:
         if noise_band_hz is not None:
             low, high = checks.interval("noise_band_hz", in_units("noise_band_hz", noise_band_hz, "frequency"))
             noise = BandNoise(size.amplitude(rms) ** 2, (size.frequency(low), size.frequency(high)))
-        block = Block(restitution, size, slender=slender)  # type: ignore[arg-type]  # None: from the size
+        if overturning_angle is not None:
+            name = "overturning_angle"
+            radians = checks.number(name, in_units(name, overturning_angle, "angle"), above=0.0)
+            overturning = Overturning(radians / size.critical_angle)
+        dimensions = None if isinstance(size, Body) else size
+        block = Block(restitution, dimensions, slender=slender, body=body)  # type: ignore[arg-type]  # None: from the size
         return _with_harmonics(cls(block, forcing, noise, start, overturning), harmonics, frequencies)
 
     @classmethod
@@ -281,7 +299,7 @@ class Scene:
             ``harmonics`` of `from_block` by default; ``noise.filter`` is a name, or a table of the kind "linear" or
             "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
             ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
-            ``file`` in place of ``interval`` and ``samples``. Of a block with dimensions quantities may have units:
+            ``file`` in place of ``interval`` and ``samples``. Of a block with a size quantities may have units:
             ``peak_acceleration``, ``rms_acceleration`` (in m/s², or "0.3 g"), ``frequency_hz``, ``band_hz``, and others
             that end with ``_hz``, ``_s`` or ``_deg``.
         folder : str or pathlib.Path
@@ -311,7 +329,7 @@ class Scene:
         block = read_part("block", tables.pop("block"), folder)
         parts = {"block": block}
         for name, table in tables.items():
-            plain_table = without_units(name, checks.table(name, table), block.dimensions)
+            plain_table = without_units(name, checks.table(name, table), block.size)
             parts[name] = read_part(name, plain_table, folder)
             tables[name] = plain_table
         noise = tables["noise"]
@@ -320,8 +338,10 @@ class Scene:
     def to_toml(self) -> str:
         """Return the scene as TOML text, samples of a record included; `from_toml` reads it back."""
         tables = _fields(self)
-        if self.block.dimensions is not None:
-            tables = {"block": self.block, "block.dimensions": self.block.dimensions} | tables
+        for name in ("dimensions", "body"):
+            part = getattr(self.block, name)
+            if part is not None:
+                tables = {"block": self.block, f"block.{name}": part} | tables
         for name in ("envelope", "filter"):
             part = getattr(self.noise, name, None)
             if dataclasses.is_dataclass(part):
@@ -381,12 +401,12 @@ def _fields(value):
 
 
 def _with_harmonics(scene, harmonics, frequencies):
-    """Return a scene, whose band noise, if its block has dimensions, has these `harmonics` and `frequencies`.
+    """Return a scene, whose band noise, if its block has a size, has these `harmonics` and `frequencies`.
 
     Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for `NOISE_CYCLES`.
     """
     noise, forcing = scene.noise, scene.forcing
-    if scene.block.dimensions is None or noise.kind != "band":
+    if scene.block.size is None or noise.kind != "band":
         return scene
     if harmonics is None:
         duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
@@ -416,10 +436,25 @@ def _check_cutoff(cutoff, critical_angle):
         raise ValueError(checks.refusal("overturning.angle", cutoff, most))
 
 
-def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
-    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by `Dimensions` `size`.
+def _size(width, height, gravity, body):
+    """Return the `Dimensions` or the `Body` of `Scene.from_block`."""
+    if body is None:
+        return Dimensions(width, height, gravity)
+    for name, value, default in (
+        ("width", width, None),
+        ("height", height, None),
+        ("gravity", gravity, STANDARD_GRAVITY),
+    ):
+        if value != default:
+            raise ValueError(checks.refusal(name, value, "nothing where there is a body"))
+    return checks.instance("body", body, Body)
 
-    `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None; the others are as of `Scene.from_block`.
+
+def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
+    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size.
+
+    `size` is the `Dimensions` or the `Body`. `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None;
+    the others are as of `Scene.from_block`.
     """
     if record is not None:
         checks.instance("record", record, Record)

@@ -9,8 +9,9 @@ from fpk_rocking.physics.forcing import FORCINGS, Harmonic
 from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
 from fpk_rocking.physics.noise.kinds import NOISES
+from fpk_rocking.scene.body import Body
 from fpk_rocking.scene.parts import Block, Overturning, Start
-from fpk_rocking.scene.units import Dimensions, in_units
+from fpk_rocking.scene.units import BlockSize, Dimensions, in_units
 
 FILTER_KINDS = {cls.kind: cls for cls in (LinearFilter, CloughPenzien)}
 """Classes of filters by the kind of their table; a filter with a name needs no table."""
@@ -29,7 +30,7 @@ _WITH_UNITS = {"frequency": "frequency_hz", "angle": "angle_deg"} | {
 """Keys with a unit by the nondimensional ones."""
 
 
-def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> dict[str, Any]:
+def without_units(name: str, table: dict[str, Any], size: BlockSize | None) -> dict[str, Any]:
     """Convert the quantities with units in a table of a scene to nondimensional ones.
 
     Parameters
@@ -39,7 +40,7 @@ def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> 
     table : dict
         A key ``peak_acceleration`` becomes ``amplitude``, ``rms_acceleration`` ``variance``, and ``x_hz``, ``x_s`` and
         ``x_deg`` become ``x``. Values are as `fpk_rocking.scene.units.in_units` takes them.
-    size : Dimensions or None
+    size : Dimensions, Body or None
         Of the block.
 
     Returns
@@ -49,7 +50,7 @@ def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> 
     Raises
     ------
     TypeError, ValueError
-        A value is refused, the block has no dimensions, or a quantity is given twice.
+        A value is refused, the block has no size, or a quantity is given twice.
     """
     return {nondimensional(key): _nondimensional_value(name, key, table, size) for key in table}
 
@@ -57,7 +58,7 @@ def without_units(name: str, table: dict[str, Any], size: Dimensions | None) -> 
 def _nondimensional_value(name, key, table, size):
     """Return the value of a key of a table (dict), converted to a nondimensional one.
 
-    `name` is the table's, and `size` the `Dimensions` of the block, or None.
+    `name` is the table's, and `size` the `Dimensions` or `Body` of the block, or None.
     """
     value, plain = table[key], nondimensional(key)
     name = f"{name}.{key}"
@@ -68,7 +69,7 @@ def _nondimensional_value(name, key, table, size):
         if plain in table:
             raise ValueError(checks.refusal(name, value, f"nothing beside {other}"))
         if size is None:
-            accepted = f"a scene with [block.dimensions], or {other}, which is nondimensional"
+            accepted = f"a scene with [block.dimensions] or [block.body], or {other}, which is nondimensional"
             raise ValueError(checks.refusal(name, value, accepted))
         return _converted(name, key, value, size)
     if isinstance(value, str) and key in _WITH_UNITS and value[:1] in "+-.0123456789":
@@ -88,7 +89,7 @@ def nondimensional(key: str) -> str:
 def _converted(name, key, value, size):
     """Return a `value` with a unit, a number, a text or a list of such, as nondimensional numbers.
 
-    `name` is its dotted name, `key` the last part of that, and `size` the `Dimensions` of the block.
+    `name` is its dotted name, `key` the last part of that, and `size` the `Dimensions` or `Body` of the block.
     """
     if key in _STRENGTHS:
         strength = checks.number(name, in_units(name, value, "acceleration"), at_least=0.0)
@@ -148,13 +149,14 @@ def _read(cls):
 
 
 def _block(name, table, folder):
-    """Read the `Block` from its table (dict) and that of its dimensions.
+    """Read the `Block` from its table (dict) and that of its dimensions or its body.
 
     `name` is the table's; the folder, for files, is not used.
     """
     values = checks.arguments(name, table, Block)
-    if "dimensions" in values:
-        values["dimensions"] = _read(Dimensions)(f"{name}.dimensions", values["dimensions"], folder)
+    for part, cls in (("dimensions", Dimensions), ("body", Body)):
+        if part in values:
+            values[part] = _read(cls)(f"{name}.{part}", values[part], folder)
     return Block(**values)
 
 

@@ -7,6 +7,7 @@ amplitude a/(g θ_cr). Taken as slender, sine linear and cosine 1, a block has a
 θ_cr²/6 and a forcing too large by up to θ_cr²/2: 1 % and 3 % at θ_cr = 0.25. a counts positive towards θ < 0.
 """
 
+import abc
 import dataclasses
 import math
 import re
@@ -75,78 +76,31 @@ def _unit_in(text, units):
     return next((unit for unit in units if unit.lower() == text.lower()), None)
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class Dimensions:
-    """Size of a rectangular block, which converts nondimensional quantities to units and back.
+class BlockSize(abc.ABC):
+    """Conversions of nondimensional quantities to units and back: by critical angle, frequency parameter, gravity."""
 
-    Parameters
-    ----------
-    width, height : float
-        Full width and full height, metres, or a text with a unit ("50 cm").
-    gravity : float
-        Acceleration of gravity, m/s².
-
-    Raises
-    ------
-    TypeError, ValueError
-        A value is not a positive number from 1e-100 to 1e100.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Dimensions
-    >>> size = Dimensions(width="50 cm", height=1.8)
-    >>> print(f"p = {size.frequency_parameter:.2f} rad/s, {size.seconds(10.0):.2f} s, {size.radians(1.0):.3f} rad")
-    p = 2.81 rad/s, 3.56 s, 0.271 rad
-    """
-
-    width: float
-    height: float
-    gravity: float = STANDARD_GRAVITY
-
-    def __post_init__(self):
-        for name in ("width", "height", "gravity"):
-            kind = "acceleration" if name == "gravity" else "length"
-            value = in_units(f"block.dimensions.{name}", getattr(self, name), kind)
-            value = checks.number(f"block.dimensions.{name}", value, above=0.0)
-            # Beyond, a conversion of units divides by 0 or overflows.
-            checks.keep(
-                self, **{name: checks.number(f"block.dimensions.{name}", value, at_least=1e-100, at_most=1e100)}
-            )
+    __slots__ = ()
+    gravity: float
 
     @property
+    @abc.abstractmethod
     def critical_angle(self) -> float:
-        """Critical angle θ_cr, radians: tilted by it, the block is balanced on its corner."""
-        return math.atan2(self.width, self.height)
+        """Critical angle θ_cr, radians, the unit of angles."""
 
     @property
-    def half_diagonal(self) -> float:
-        """Half diagonal R, metres: the distance from the corner to the centre of mass."""
-        return 0.5 * math.hypot(self.width, self.height)
-
-    @property
+    @abc.abstractmethod
     def frequency_parameter(self) -> float:
-        """Frequency parameter p = √(3g/(4R)), rad/s: nondimensional time is τ = pt."""
-        return math.sqrt(3.0 * self.gravity / (4.0 * self.half_diagonal))
+        """Frequency parameter p, rad/s: nondimensional time is τ = pt."""
 
     @property
-    def restitution(self) -> float:
-        """Velocity ratio e = 1 - (3/2) sin²θ_cr of an impact without bounce or slip.
+    @abc.abstractmethod
+    def label(self) -> str:
+        """The size as a short text."""
 
-        From the balance of angular momentum about the new corner: G. W. Housner, "The behavior of inverted pendulum
-        structures during earthquakes", Bull. Seism. Soc. Am. 53(2), 403-417, 1963 (his r is e²).
-
-        Raises
-        ------
-        ValueError
-            The block is so squat (width/height > √2) that e would be negative: it stops at the first impact.
-        """
-        value = 1.0 - 1.5 * math.sin(self.critical_angle) ** 2
-        if value < 0.0:
-            raise ValueError(
-                f"block.dimensions: got width/height = {self.width / self.height:.6g}, accepted: <= √2 = 1.41421, as "
-                f"Housner's restitution is negative here ({value:.6g}); for so squat a block give block.restitution"
-            )
-        return value
+    @property
+    @abc.abstractmethod
+    def restitution(self) -> float | tuple[float, float]:
+        """Velocity ratio of an impact without bounce or slip: one number, or those from the left and from the right."""
 
     @property
     def slenderness_error(self) -> tuple[float, float]:
@@ -225,3 +179,85 @@ class Dimensions:
         float or ndarray
         """
         return 2.0 * math.pi * frequency_hz / self.frequency_parameter
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Dimensions(BlockSize):
+    """Size of a rectangular block, which converts nondimensional quantities to units and back.
+
+    Parameters
+    ----------
+    width, height : float
+        Full width and full height, metres, or a text with a unit ("50 cm").
+    gravity : float
+        Acceleration of gravity, m/s².
+
+    Raises
+    ------
+    TypeError, ValueError
+        A value is not a positive number from 1e-100 to 1e100.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Dimensions
+    >>> size = Dimensions(width="50 cm", height=1.8)
+    >>> print(f"p = {size.frequency_parameter:.2f} rad/s, {size.seconds(10.0):.2f} s, {size.radians(1.0):.3f} rad")
+    p = 2.81 rad/s, 3.56 s, 0.271 rad
+    """
+
+    width: float
+    height: float
+    gravity: float = STANDARD_GRAVITY
+
+    def __post_init__(self):
+        for name in ("width", "height", "gravity"):
+            kind = "acceleration" if name == "gravity" else "length"
+            value = in_units(f"block.dimensions.{name}", getattr(self, name), kind)
+            value = checks.number(f"block.dimensions.{name}", value, above=0.0)
+            # Beyond, a conversion of units divides by 0 or overflows.
+            checks.keep(
+                self, **{name: checks.number(f"block.dimensions.{name}", value, at_least=1e-100, at_most=1e100)}
+            )
+
+    @property
+    def critical_angle(self) -> float:
+        """Critical angle θ_cr, radians: tilted by it, the block is balanced on its corner."""
+        return math.atan2(self.width, self.height)
+
+    @property
+    def half_diagonal(self) -> float:
+        """Half diagonal R, metres: the distance from the corner to the centre of mass."""
+        return 0.5 * math.hypot(self.width, self.height)
+
+    @property
+    def frequency_parameter(self) -> float:
+        """Frequency parameter p = √(3g/(4R)), rad/s: nondimensional time is τ = pt."""
+        return math.sqrt(3.0 * self.gravity / (4.0 * self.half_diagonal))
+
+    @property
+    def restitution(self) -> float:
+        """Velocity ratio e = 1 - (3/2) sin²θ_cr of an impact without bounce or slip.
+
+        From the balance of angular momentum about the new corner: G. W. Housner, "The behavior of inverted pendulum
+        structures during earthquakes", Bull. Seism. Soc. Am. 53(2), 403-417, 1963 (his r is e²).
+
+        Raises
+        ------
+        ValueError
+            The block is so squat (width/height > √2) that e would be negative: it stops at the first impact.
+        """
+        value = 1.0 - 1.5 * math.sin(self.critical_angle) ** 2
+        if value < 0.0:
+            raise ValueError(
+                f"block.dimensions: got width/height = {self.width / self.height:.6g}, accepted: <= √2 = 1.41421, as "
+                f"Housner's restitution is negative here ({value:.6g}); for so squat a block give block.restitution"
+            )
+        return value
+
+    @property
+    def label(self) -> str:
+        """Width and height as a short text."""
+        return f"{self.width:.3g} m × {self.height:.3g} m"
+
+    def __str__(self):
+        return f"{self.width:.3g} m by {self.height:.3g} m"

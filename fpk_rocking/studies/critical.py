@@ -224,7 +224,7 @@ def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None =
 
 def seconds_of(scenes: Sequence[Scene], times: Array) -> Array:
     """Return times τ (m,) of scenes in seconds, nan for a block without dimensions."""
-    sizes = [scene.block.dimensions for scene in scenes]
+    sizes = [scene.block.size for scene in scenes]
     pairs = zip(sizes, times.tolist(), strict=True)
     return np.array([math.nan if size is None else size.seconds(time) for size, time in pairs])
 

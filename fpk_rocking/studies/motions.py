@@ -94,7 +94,7 @@ def intensities(scene: Scene) -> Intensities:
 
 def measured(scene: Scene) -> Intensities:
     """Return the intensity measures of a scene's forcing without a warning, for results that have their verdict."""
-    forcing, size = scene.forcing, scene.block.dimensions
+    forcing, size = scene.forcing, scene.block.size
     acceleration, velocity = forcing.largest, forcing.largest_velocity
     if size is None:
         return Intensities(acceleration, velocity, math.nan, math.nan, velocity)

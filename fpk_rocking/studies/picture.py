@@ -267,7 +267,7 @@ def _duration(result):
     if "cycles" in result.options:
         return f"Within {result.options['cycles']} forcing cycles."
     last, after = (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the motion")
-    sizes = {scene.block.dimensions for scene in result.scenes}
+    sizes = {scene.block.size for scene in result.scenes}
     size = sizes.pop() if len(sizes) == 1 else None
     return f"Until {f'τ = {last:g}' if size is None else f'{size.seconds(last):.3g} s'}{after}."
 

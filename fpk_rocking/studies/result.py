@@ -211,12 +211,12 @@ class Fragility(Saved, Result):
         -------
         str
         """
-        sizes = [one.block.dimensions for one in self.scenes]
+        sizes = [one.block.size for one in self.scenes]
         size = sizes[scene]
         if self.axis != "scene":
             return f"{self.axis} {self.place[scene]:.4g}"
         if size is not None and None not in sizes and len(set(sizes)) == len(sizes):
-            return f"{size.width:.3g} m × {size.height:.3g} m"
+            return size.label
         return motion_names(self.scenes)[scene] if self._of_motions else f"scene {scene}"
 
     @property

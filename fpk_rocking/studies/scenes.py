@@ -230,7 +230,9 @@ def dimensions_of(scene: Scene, name: str) -> Dimensions:
     """Return the dimensions of a scene's block, or refuse a parameter that needs them."""
     if scene.block.dimensions is None:
         raise ValueError(
-            checks.refusal("parameter", name, "only where the scene has [block.dimensions]; this one has none")
+            checks.refusal(
+                "parameter", name, "only where the scene has [block.dimensions], a rectangle; this one has none"
+            )
         )
     return scene.block.dimensions
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS, collocation, lift_off
+from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.collocation import NODES, PLACES
-from fpk_rocking.physics.motion.equation import Body, block_of_scene
-from fpk_rocking.physics.motion.events import chord_clearance
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene
+from fpk_rocking.physics.motion.events import can_lift_off, chord_clearance
 from fpk_rocking.physics.motion.particular import force_series, forced_response, particular_at, particular_series
 from fpk_rocking.physics.motion.segment import force_bounds
 from fpk_rocking.physics.motion.slender_interval import Interval, interval_tables
@@ -252,7 +252,7 @@ class Parameters(NamedTuple):
     of a kind of flight.
     """
 
-    block: Body
+    block: KernelBlock
     start: np.ndarray
     band: Band
     grid: TimeGrid
@@ -402,20 +402,22 @@ def _collocation(force, envelope, polynomials, middles, spacing):
 def _eventless_angles(low, high, spacing, block):
     """Return `least`, `most` and `stays` of `Parameters` from bounds `low`, `high` (m,) of the force.
 
-    `spacing`: duration of an interval; `block`: `Body`.
+    `spacing`: duration of an interval; `block`: `KernelBlock`.
     """
-    below, above = np.empty((2, low.size, 2))
-    _write_clearances(low, high, spacing, block, below, above)
-    return below, block.cutoff - above, np.maximum(high, -low) < lift_off(block.critical_angle or 0.0)
+    (below, above), stays = np.empty((2, low.size, 2)), np.empty(low.size, np.bool_)
+    _write_clearances(low, high, spacing, block, below, above, stays)
+    return below, block.cutoff - above, stays
 
 
 @kernel
-def _write_clearances(low, high, spacing, block, below, above):
+def _write_clearances(low, high, spacing, block, below, above, stays):
     """Write to `below`, `above` (m, 2) how far flights may leave their chord, indexed [interval, side].
 
-    `low`, `high` (m,) are bounds of the force; `spacing`: duration of an interval.
+    `low`, `high` (m,) are bounds of the force; `spacing`: duration of an interval. Whether a block at rest surely stays
+    is written to `stays` (m,).
     """
     for j in range(low.size):
+        stays[j] = not can_lift_off(low[j], high[j], block)
         for k in range(2):
             below[j, k], above[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, block)
 

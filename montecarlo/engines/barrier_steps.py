@@ -6,7 +6,13 @@ Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Para
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration, acceleration_bounds, dispatch_on_block, force_factor
+from fpk_rocking.physics.motion.equation import (
+    acceleration,
+    acceleration_bounds,
+    dispatch_on_block,
+    force_factor,
+    restitution_from,
+)
 from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.flight import covariance_factor, slender_flight_end
 from fpk_rocking.physics.motion.impact import velocity_after_impact
@@ -52,7 +58,7 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
     count from the begin of the `Segment`, at `origin` since τ = 0; `latest` is the latest for an impact: `end`, or that
     of a step that was to end with it. `impacts` records it, unless None. `parameters`: those of the engine `white`.
     """
-    restitution = parameters.block.restitution
+    restitution = restitution_from(side, parameters.block)
     pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
     square = w * w - 2.0 * pull * u
     if w < 0.0 and square >= 0.0:
@@ -71,9 +77,9 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
 
 @kernel(inline="always")
 def nystrom_step(u, w, side, begin, middle, end, h, block):
-    """Folded angle and velocity after a step h of Nyström's method of order 4, and cos φ halfway.
+    """Folded angle and velocity after a step h of Nyström's method of order 4, and κ cos φ halfway.
 
-    (u, w) is before it; `begin`, `middle`, `end` are the force at these times, nondimensional. cos φ is the factor of
+    (u, w) is before it; `begin`, `middle`, `end` are the force at these times, nondimensional. κ cos φ is the factor of
     the noise. The method is that for forces which do not depend on the velocity.
     """
     first = acceleration(u, side, begin, block)
@@ -81,7 +87,7 @@ def nystrom_step(u, w, side, begin, middle, end, h, block):
     second = acceleration(halfway, side, middle, block)
     third = acceleration(u + h * (w + 0.5 * h * second), side, end, block)
     u, w = u + h * (w + h * (first + 2.0 * second) / 6.0), w + h * (first + 4.0 * second + third) / 6.0
-    return u, w, force_factor(halfway, block)
+    return u, w, force_factor(halfway, side, block)
 
 
 @kernel(inline="always")

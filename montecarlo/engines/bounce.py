@@ -13,7 +13,7 @@ changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-
 import math
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor, restitution_from
 from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from fpk_rocking.physics.motion.segment import value_and_slope
@@ -112,7 +112,7 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     engine `white`.
     """
     block, span = parameters.block, parameters.grid.spacing
-    share = force_factor(0.0, block)
+    share = force_factor(0.0, side, block)
     diffusion = parameters.diffusion[j] * share * share
     force, slope = value_and_slope(parameters.force[j], time)
     pull = -acceleration(0.0, side, force, block)
@@ -149,4 +149,4 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
         return w, 0, time
     if impacts is not None:
         record_impact(impacts, origin + time + duration, -side * speed)
-    return velocity_after_impact(speed, parameters.block.restitution), -side, time + duration
+    return velocity_after_impact(speed, restitution_from(side, block)), -side, time + duration

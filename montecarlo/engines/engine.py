@@ -59,8 +59,8 @@ class Engine:
         ``(scene)``: whether it simulates a scene.
     parameters_of : callable
         ``(scene, steps_per_cycle, times)``: what the other functions need, as a tuple of numbers and arrays, among them
-        `block`, a `Body`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are wanted, since the
-        begin of the table period.
+        `block`, a `KernelBlock`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are wanted,
+        since the begin of the table period.
     workspace_of : callable
         ``(parameters)``: arrays of a thread that the other functions write to, as a tuple.
     begin : callable

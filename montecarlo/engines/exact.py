@@ -285,7 +285,7 @@ def _try_collocation(state, side, number, j, parameters, workspace):
         push = load(tables.envelope, j) * push
     u, push = side * x, side * (load(tables.forcing, j) + push)
     end, speed, acceleration, converged = collocation.fly_by_tables(
-        u, side * v, push, tables.steps, parameters.grid.spacing, block
+        u, side * v, side, push, tables.steps, parameters.grid.spacing, block
     )
     store(workspace.acceleration, 0, acceleration)
     eventless = converged and _is_eventless(u, end, side, j, parameters)

@@ -27,7 +27,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.simd import load
 from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.collocation import NODES, PLACES
-from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
 from fpk_rocking.physics.motion.flight import homogeneous_flight
 from fpk_rocking.physics.motion.particular import cosh_sinh, force_series, forced_response, particular_at
@@ -63,7 +63,7 @@ class Parameters(NamedTuple):
     (d + 1, NODES), Bernstein polynomials, `strength_at_points` (m, NODES), the envelope; `steps`: its tables.
     """
 
-    block: Body
+    block: KernelBlock
     start: np.ndarray
     grid: TimeGrid
     hyperbolic: np.ndarray
@@ -193,7 +193,7 @@ def _fly_exact(x, v, side, j, parameters, workspace, block):
         noise = load(parameters.strength_at_points, j) * noise
     push, tables = load(parameters.pushes, j) + noise, parameters.steps
     end, speed, _, converged = collocation.fly_by_tables(
-        side * x, side * v, side * push, tables, parameters.grid.spacing, block
+        side * x, side * v, side, side * push, tables, parameters.grid.spacing, block
     )
     return side * end, side * speed, converged
 

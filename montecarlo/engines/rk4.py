@@ -15,7 +15,7 @@ import numpy as np
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body, acceleration, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import KernelBlock, acceleration, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import runge_kutta_coefficients, runge_kutta_forcing
 from fpk_rocking.physics.motion.segment import segment_from_particular
@@ -32,7 +32,7 @@ class Parameters(NamedTuple):
     steps of a table period. `strength` (n, 3): the noise's envelope there.
     """
 
-    block: Body
+    block: KernelBlock
     start: np.ndarray
     grid: TimeGrid
     forcing: np.ndarray

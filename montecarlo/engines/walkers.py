@@ -19,7 +19,7 @@ from fpk_rocking.base.arrays import borrowed, own
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body, block_of_scene
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, restitution_from, saddle
 from fpk_rocking.physics.motion.events import Event, next_event
 from fpk_rocking.physics.motion.flight import unstable_coordinate
 from fpk_rocking.physics.motion.impact import velocity_after_impact
@@ -45,7 +45,7 @@ class NoiselessForcing(NamedTuple):
     duration: float
     stride: int
     count: int
-    block: Body
+    block: KernelBlock
 
 
 class ScoreTable(NamedTuple):
@@ -86,13 +86,22 @@ def _noiseless_forcing(scene, intervals, span):
     return NoiselessForcing(particular, force, low, high, curvature, *ahead)
 
 
+@kernel(inline="always")
+def _distance(u, w, side, particular, t, block):
+    """Coordinate z of a `KernelBlock` at t, counted from the saddle of its side; see `unstable_coordinate`.
+
+    `u`, `w` are the folded state, and `particular` (TERMS,) are the coefficients of P.
+    """
+    return unstable_coordinate(u + (1.0 - saddle(side, block)), w, side, particular, t)
+
+
 @kernel
 def _follow(u, w, side, j, forcing):
     """Score of a state (u, w, side) at time j of the cycle, by its path under a `NoiselessForcing`.
 
     The path is followed until it escapes or comes to rest, or for the foresight at most.
     """
-    best = unstable_coordinate(u, w, side, forcing.particular[j], 0.0)
+    best = _distance(u, w, side, forcing.particular[j], 0.0, forcing.block)
     x, v = side * u, side * w
     for _ in range(forcing.count):
         segment = Segment(
@@ -105,8 +114,8 @@ def _follow(u, w, side, j, forcing):
             if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < 1e-3):
                 return best
             if kind == Event.IMPACT:
-                v, side = velocity_after_impact(v, forcing.block.restitution), -side
-                best = max(best, unstable_coordinate(0.0, side * v, side, forcing.particular[j], t))
+                v, side = velocity_after_impact(v, restitution_from(side, forcing.block)), -side
+                best = max(best, _distance(0.0, side * v, side, forcing.particular[j], t, forcing.block))
         j = (j + forcing.stride) % forcing.low.size
     return best
 

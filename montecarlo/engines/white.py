@@ -23,7 +23,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.equation import Body, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, dispatch_on_block
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import (
     accumulated_covariance,
@@ -57,7 +57,7 @@ class Parameters(NamedTuple):
     intervals.
     """
 
-    block: Body
+    block: KernelBlock
     grid: TimeGrid
     diffusion: np.ndarray
     start: np.ndarray
@@ -118,16 +118,17 @@ def parameters_of(scene, steps_per_cycle, times=None):
     bounce that is one draw outlasts one of them, so other times mean other paths (of the same law). ValueError for a
     scene that white noise does not allow.
     """
-    restitution, diffusion = scene.block.restitution, scene.noise.diffusion
+    diffusion = scene.noise.diffusion
     if diffusion == 0.0:
         accepted = "a number > 0 by the method 'white'; a scene without noise has noise.kind 'none'"
         raise ValueError(checks.refusal("noise.diffusion", diffusion, accepted))
-    if restitution <= CRITICAL_RESTITUTION:
+    left, right = scene.block.restitution_by_side
+    if left * right <= CRITICAL_RESTITUTION**2:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
             "time and the motion after them is not defined; band noise and filtered noise have no such limit"
         )
-        raise ValueError(checks.refusal("block.restitution", restitution, accepted))
+        raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
     longest = min(scene.forcing.shortest_period / TUNING.white_fewest, TUNING.white_longest)
     envelope = scene.noise.envelope
     grid = time_grid(scene, longest if envelope is None else min(longest, envelope.spacing), times)
@@ -137,7 +138,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
     particular = scene.forcing.pieces(np.arange(intervals) * span)
     _write_segments(particular, span, *tables, block_of_scene(scene))
     xx, _, _ = flight_covariance(1.0, span)
-    roots = np.sqrt(diffusions)
+    roots = scene.block.largest_scale * np.sqrt(diffusions)
     return Parameters(
         block_of_scene(scene),
         grid,

@@ -87,7 +87,7 @@ class Sample(SurvivalResult):
 
     def _time_text(self, time):
         """Return a time τ as a text, with seconds where the size of the block is known."""
-        size = self.scene.block.dimensions
+        size = self.scene.block.size
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
     def model_diagnostics(self) -> list[Diagnostic]:

@@ -10,7 +10,7 @@ from oracle import Block
 from fpk_rocking.analytics.orbits import _speeds, symmetric_orbits
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.physics.motion.segment import segment_from_particular
 
@@ -36,7 +36,9 @@ def half_cycles(orbit, phase, state, count):
     for k in range(count):
         for i in range(SEGMENTS // 2):
             segment = segments[(k % 2) * SEGMENTS // 2 + i]
-            x, v, side, _ = advance_through_events(x, v, side, segment, 0.0, span, Body(orbit.restitution, CUTOFF))
+            x, v, side, _ = advance_through_events(
+                x, v, side, segment, 0.0, span, KernelBlock(orbit.restitution, CUTOFF)
+            )
         states.append((x, v) if k % 2 else (-x, -v))
     return np.array(states)
 
@@ -233,7 +235,7 @@ def test_free_rocking_peaks_in_closed_form():
         speed = e * math.sqrt(1.0 - (1.0 - peak) ** 2)
         time += math.acosh(1.0 / (1.0 - peak)) + math.atanh(speed)
         peak, side = 1.0 - math.sqrt(1.0 - speed**2), -side
-        x, v, now, _ = advance_through_events(0.5, 0.0, 1, free, 0.0, time, Body(e, CUTOFF))
+        x, v, now, _ = advance_through_events(0.5, 0.0, 1, free, 0.0, time, KernelBlock(e, CUTOFF))
         assert (x, v, now) == (pytest.approx(side * peak, abs=1e-14), pytest.approx(0.0, abs=1e-13), side)
         peaks.append(peak)
     assert peaks[:3] == pytest.approx([0.098612, 0.023719, 0.005877], abs=5e-7)

@@ -13,12 +13,12 @@ from fpk_rocking.base import jit
 
 PROBE = """
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.impact import chatter_time
 
 @kernel
 def probe(speed):
-    return chatter_time(speed, 0.0, Body(0.0, 1.5, None))
+    return chatter_time(speed, 1, 0.0, KernelBlock(0.0, 1.5, None, None))
 """
 
 RUN = "from fpk_rocking.physics.probe import probe; print(probe(0.25), sum(probe.for_python.stats.cache_hits.values()))"

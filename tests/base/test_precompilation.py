@@ -197,11 +197,11 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
     """
     code = """
 from fpk_rocking.base import precompilation
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.impact import chatter_time
 precompilation.TASKS["fpk_rocking.physics.motion.impact:chatter_time"] = 7
 precompilation.start_helpers("fpk_rocking.physics.motion.impact:chatter_time")
-print(chatter_time(0.25, 0.0, Body(0.0, 1.5)), sum(chatter_time.for_python.stats.cache_misses.values()))
+print(chatter_time(0.25, 1, 0.0, KernelBlock(0.0, 1.5)), sum(chatter_time.for_python.stats.cache_misses.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     where = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

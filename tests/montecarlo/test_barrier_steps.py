@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from fpk_rocking.physics.motion import equation, flight
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from montecarlo.engines import barrier_steps
 
-PARAMETERS = types.SimpleNamespace(block=Body(0.6, 1.5), shortest=1e-6)
+PARAMETERS = types.SimpleNamespace(block=KernelBlock(0.6, 1.5), shortest=1e-6)
 
 
 @pytest.fixture(autouse=True)

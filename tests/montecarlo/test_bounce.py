@@ -7,7 +7,7 @@ import pytest
 from scipy.special import erf
 
 from fpk_rocking.base.threads import at_most, thread_count
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.events import next_event
 from fpk_rocking.physics.motion.segment import Segment
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
@@ -63,7 +63,7 @@ def bounce_errors(share, angle, monkeypatch):
     """Relative errors of arrival speed and duration of bounces without noise that last about 2 share intervals."""
     monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=2.0))
     scene = Scene(Block(0.9, critical_angle=angle), Harmonic(0.9, 7.0), WhiteNoise(1e-20))
-    parameters, block = white.parameters_of(scene, 200), Body(0.9, 1.5, angle or None)
+    parameters, block = white.parameters_of(scene, 200), KernelBlock(0.9, 1.5, angle or None)
     stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * parameters.grid.spacing, {}
     for j in range(parameters.low.size):
         for side in (-1, 1):

@@ -11,7 +11,7 @@ from two_samples import survival_test
 import montecarlo
 from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.physics.motion.impact import side_of_start
 from fpk_rocking.physics.motion.segment import segment_from_particular
@@ -36,7 +36,9 @@ def closed_form(scene, x, v, cycles):
     for i in range(16 * cycles):
         segment = segment_from_particular(forcing.pieces([i * span])[0], np.empty(TERMS), span)
         cutoff = scene.overturning.angle
-        x, v, side, _ = advance_through_events(x, v, side, segment, 0.0, span, Body(scene.block.restitution, cutoff))
+        x, v, side, _ = advance_through_events(
+            x, v, side, segment, 0.0, span, KernelBlock(scene.block.restitution, cutoff)
+        )
         if abs(x) >= cutoff:
             break
         if i % 16 == 15:

@@ -8,7 +8,7 @@ import white_paths
 from scipy.integrate import solve_ivp
 from whole_paths import followed
 
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.flight import covariance_factor
 from fpk_rocking.scene import (
     BandNoise,
@@ -53,7 +53,7 @@ def flight(u, w, side, end):
 
 def stepped(method, u, w, side, n):
     """State after n steps through a flight of .6, and its covariance by differences of the state in every step."""
-    h, body, covariance = 0.6 / n, Body(0.8, CUTOFF, ALPHA), np.zeros((2, 2))
+    h, body, covariance = 0.6 / n, KernelBlock(0.8, CUTOFF, ALPHA), np.zeros((2, 2))
     factor = np.zeros((2, 2))
     factor[np.tril_indices(2)] = covariance_factor(1.0, h)
     for k in range(n):

@@ -9,7 +9,7 @@ from two_samples import survival_test
 
 from fpk_rocking.base.threads import at_most, thread_count
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
 from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
@@ -33,7 +33,7 @@ def test_flight_has_its_gaussian_moments(covariance):
     x, v = start.angle, start.velocity
     for i in range(16):
         segment = segment_from_particular(forcing.pieces([i * period / 16])[0], np.empty(TERMS), period / 16)
-        x, v = flight_end(x, v, 1, segment, 0.0, period / 16, Body(0.9, 1.5))
+        x, v = flight_end(x, v, 1, segment, 0.0, period / 16, KernelBlock(0.9, 1.5))
     xx, xv, vv = flight_covariance(scene.noise.diffusion, period)
     grow = np.array([[math.cosh(period), math.sinh(period)], [math.sinh(period), math.cosh(period)]])
     truth = np.array([[xx, xv], [xv, vv]]) + grow @ np.array(covariance or np.zeros((2, 2))) @ grow.T

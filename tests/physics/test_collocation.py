@@ -6,9 +6,9 @@ from numpy.polynomial import Polynomial
 
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import NODES, _leaves, _without_begin
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 
-BLOCK = Body(0.9, 2.0, 0.3)
+BLOCK = KernelBlock(0.9, 2.0, 0.3)
 
 
 def test_a_flight_surely_rises_whose_acceleration_grows_from_0_whatever_the_signs_of_its_terms():

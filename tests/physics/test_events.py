@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.events import Event, advance_through_events, next_event
 from fpk_rocking.physics.motion.flight import SERIES, _expand, flight_covariance, flight_end
 from fpk_rocking.physics.motion.segment import least_closing_time, segment_from_particular
@@ -48,7 +48,7 @@ def test_how_long_a_gap_stays_open():
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_block_in_contact_that_is_pressed_down_has_an_impact_at_once_and_no_speed(side):
     """A little faster it flies: for 2 w under the pull 1."""
-    segment, block = harmonic(0.0, 0.0, 2.0, 0.0, 0.25), Body(0.9, CUTOFF)
+    segment, block = harmonic(0.0, 0.0, 2.0, 0.0, 0.25), KernelBlock(0.9, CUTOFF)
     for speed in (0.0, 0.9e-9):
         assert next_event(0.0, side * speed, side, segment, 0.1, 0.25, block) == (Event.IMPACT, 0.1, 0.0, 0.0)
     event, time, x, v = next_event(0.0, side * 1e-5, side, segment, 0.1, 0.25, block)
@@ -60,7 +60,7 @@ def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle
     """(sin φ)² + (cos φ)² = 1, (sin φ)' = φ' cos φ and u'' = s f cos φ - sin φ/α, by products of series."""
     work, alpha, orders = np.zeros(SERIES), 0.7, np.arange(TERMS)
     force = np.random.default_rng(6).normal(size=TERMS) / 2.0**orders
-    assert _expand.py_func(0.4, 0.9, -1, force, 0.1, 9.0, Body(0.8, 1.5, alpha), work) > 0.1
+    assert _expand.py_func(0.4, 0.9, -1, force, 0.1, 9.0, KernelBlock(0.8, 1.5, alpha), work) > 0.1
     angle, sine, cosine, push = (Polynomial(row) for row in work)
 
     def low(series):
@@ -82,7 +82,7 @@ def test_paths_of_random_scenes_agree_with_a_general_integrator(rounds):
         h = 4.0 / count
         for k in range(count):
             x, v, side, time = advance_through_events(
-                x, v, side, harmonic(k * h, *scene[:3], h), 0.0, h, Body(scene[3], CUTOFF)
+                x, v, side, harmonic(k * h, *scene[:3], h), 0.0, h, KernelBlock(scene[3], CUTOFF)
             )
             oracle.advance((k + 1) * h)
             if oracle.bound > 1e-9:
@@ -108,8 +108,8 @@ def test_grazing_is_met_exactly_and_stepped_over_never(side, depth):
     for amplitude, level, sign, kind in ((-3.0, 0.0, -1, Event.IMPACT), (2.0, CUTOFF, 1, Event.OVERTURNING)):
         segment = harmonic(0.0, side * amplitude, 2.0, -0.2, 0.25)
         acceleration = level - 1.0 - amplitude
-        x, v = flight_end(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, Body(1.0, CUTOFF))
-        event, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
+        x, v = flight_end(side * (level + sign * depth), 0.0, side, segment, 0.1, 0.0, KernelBlock(1.0, CUTOFF))
+        event, time, x, v = next_event(x, v, side, segment, 0.0, 0.25, KernelBlock(1.0, CUTOFF))
         if depth < 0.0:
             assert event == Event.NONE
             continue
@@ -157,10 +157,10 @@ def test_first_event_for_any_polynomial_against_dense_sampling():
         kind, time, clearance = first_event(side * u, side * w, side, particular, 0.25)
         if clearance < 1e-5:
             continue
-        event, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, Body(1.0, CUTOFF))
+        event, at, x, v = next_event(side * u, side * w, side, segment, 0.0, 0.25, KernelBlock(1.0, CUTOFF))
         kinds[kind] += 1
         assert (event, at) == (kind, pytest.approx(time, abs=1e-11))
-        there = flight_end(side * u, side * w, side, segment, 0.0, at, Body(1.0, CUTOFF))
+        there = flight_end(side * u, side * w, side, segment, 0.0, at, KernelBlock(1.0, CUTOFF))
         assert (x, v) == (pytest.approx(there[0], abs=1e-13), pytest.approx(there[1], abs=1e-13))
     assert min(kinds[kind] for kind in (Event.NONE, Event.IMPACT, Event.OVERTURNING)) > 200
 

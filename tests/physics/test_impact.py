@@ -8,7 +8,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.physics.motion.impact import chatter_time
 from fpk_rocking.physics.motion.segment import segment_from_particular
@@ -38,32 +38,34 @@ def test_bouncing_ends_at_its_zeno_time_under_a_constant_force(restitution, forc
     segment = under_force([force], 4.0)
 
     def at(end):
-        return advance_through_events(0.0, speed, 1, segment, 0.0, end, Body(restitution, CUTOFF))
+        return advance_through_events(0.0, speed, 1, segment, 0.0, end, KernelBlock(restitution, CUTOFF))
 
     assert at(zeno + 1e-9) == (0.0, 0.0, 0, zeno + 1e-9)
     assert zeno < 3e-6 or at(zeno - 3e-6)[2] != 0
     parabolas = 2.0 * (speeds / gaps).sum()
-    assert chatter_time(speed, force, Body(restitution, CUTOFF)) == pytest.approx(parabolas, rel=1e-12)
+    assert chatter_time(speed, 1, force, KernelBlock(restitution, CUTOFF)) == pytest.approx(parabolas, rel=1e-12)
 
 
 def test_contact_at_the_limits_of_restitution_and_force():
     hopeless = (1.0, 0.5), (-1.2, 0.5), (0.0, 1.0)
-    assert [chatter_time(0.1, force, Body(e, CUTOFF)) for force, e in hopeless] == [math.inf] * 3
+    assert [chatter_time(0.1, 1, force, KernelBlock(e, CUTOFF)) for force, e in hopeless] == [math.inf] * 3
     rest = (0.0, 0.0, 0, 0.25)
     for force, uplifted in ((1.0, 0), (-1.0, 0), (1.0 + 1e-9, 1), (-1.0 - 1e-9, -1), (0.3, 0)):
         segment = under_force([force], 0.25)
         for state in ((0.0, 0.0, 0), (1e-20, -0.5, 1), (-1e-20, 0.5, -1)):
-            x, v, side, time = advance_through_events(*state, segment, 0.0, 0.25, Body(0.0, CUTOFF))
+            x, v, side, time = advance_through_events(*state, segment, 0.0, 0.25, KernelBlock(0.0, CUTOFF))
             assert side == uplifted
             lift = uplifted * (abs(force) - 1.0)
             expected = (lift * (math.cosh(0.25) - 1.0), lift * math.sinh(0.25), side, 0.25) if uplifted else rest
             assert (x, v, side, time) == pytest.approx(expected, abs=1e-15)
     for side in (1, -1):
         segment = under_force([2.0 * side], 0.25)
-        assert advance_through_events(0.0, -0.1 * side, -side, segment, 0.0, 0.25, Body(0.0, CUTOFF))[2] == side
+        assert advance_through_events(0.0, -0.1 * side, -side, segment, 0.0, 0.25, KernelBlock(0.0, CUTOFF))[2] == side
     x, v, side = 0.0, 0.3, 1
     for _ in range(200):
-        x, v, side, _ = advance_through_events(x, v, side, under_force([0.0], 0.25), 0.0, 0.25, Body(1.0, CUTOFF))
+        x, v, side, _ = advance_through_events(
+            x, v, side, under_force([0.0], 0.25), 0.0, 0.25, KernelBlock(1.0, CUTOFF)
+        )
         assert 0.5 * (v * v - x * x) + abs(x) == pytest.approx(0.045, abs=1e-12)
 
 
@@ -86,7 +88,7 @@ def carry_nasty_states():
             u, w = CUTOFF - abs(tiny(-16, -6)), tiny(-16, 0)
         restitution = rng.choice([0.0, 0.1, 0.5, 0.9, 0.99, 1.0 if w > 1e-4 else 0.999])
         x, v, side, time = advance_through_events(
-            side * u, side * w, side, under_force(force, h), 0.0, h, Body(restitution, CUTOFF)
+            side * u, side * w, side, under_force(force, h), 0.0, h, KernelBlock(restitution, CUTOFF)
         )
         assert math.isfinite(v), trial
         assert 0.0 <= time <= h, trial

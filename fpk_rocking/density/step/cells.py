@@ -53,7 +53,7 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
     if least <= margins[0]:
         return False
     # The pull towards x = 0 is weaker than there by what the angle has gained, times the cosine that turns it.
-    fall -= (least - margins[0]) * min(force_factor(0.0, block), force_factor(block.cutoff, block))
+    fall -= (least - margins[0]) * min(force_factor(0.0, side, block), force_factor(block.cutoff, side, block))
     return most < block.cutoff - margins[0] or slow - max(fall, 0.0) * duration > margins[1]
 
 

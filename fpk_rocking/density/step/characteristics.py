@@ -31,7 +31,7 @@ from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import (
-    Body,
+    KernelBlock,
     acceleration,
     dispatch_on_block,
     force_factor,
@@ -144,7 +144,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         The point.
     segment : Segment
         The forcing over the step.
-    block : Body
+    block : KernelBlock
     noise : Noise
     scratch : ndarray, shape (4, TERMS)
         Overwritten.
@@ -160,7 +160,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         side * x, side * end, side, low, high, duration, block, noise.margin
     )
     if kind == Event.NONE and quiet:
-        part = force_factor(0.5 * side * (x + end), block)
+        part = force_factor(0.5 * side * (x + end), side, block)
         for n in range(len(nodes)):
             ends[n, 0], ends[n, 1] = end + part * offsets[n, 0], speed + part * offsets[n, 1]
             flags[n] = side
@@ -177,7 +177,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         smooth = abs(speed) > TUNING.smooth_impact * spread
         _through_fast_impact(x, v, (time, speed, side, smooth), segment, block, noise, scratch, ends, flags)
         return
-    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(block)):
+    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(side, block)):
         _split_kicks(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, ends, flags)
         return
     _near_contact(x, v, (end, time, side), segment, block, noise, scratch, ends, flags)
@@ -194,7 +194,7 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
     unit, near, particular = _contact_equivalent(x, end, time, side, segment, duration, scratch[2], block)
-    part = force_factor(0.5 * side * (x + end), block) / unit
+    part = force_factor(0.5 * side * (x + end), side, block) / unit
     for n in range(len(offsets)):
         add_path_correction(particular, duration, part * offsets[n, 0], part * offsets[n, 1], scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
@@ -223,14 +223,14 @@ def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block)
     particular solution is written to `out` (TERMS,). `segment` is the forcing over the step.
     """
     alpha = block.critical_angle
-    unit, level = math.sin(alpha) / alpha, lift_off_level(block)
+    unit, level = math.sin(alpha) / alpha, lift_off_level(side, block)
     first = _excess_acceleration(x, side, segment.force[0], unit, block)
     last = _excess_acceleration(end, side, value_and_slope(segment.force, time)[0], unit, block)
     for k in range(TERMS):
         out[k] = segment.particular[k] / level
     out[0] -= first / unit
     out[1] -= (last - first) / (unit * duration)
-    return unit, Body(block.restitution, block.cutoff / unit, None), out
+    return unit, KernelBlock(block.restitution, block.cutoff / unit, None, None), out
 
 
 _contact_equivalent = dispatch_on_block(_contact_equivalent_slender, _contact_equivalent_exact)
@@ -262,14 +262,14 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
     step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written.
     """
     nodes, duration = noise.nodes, noise.duration
-    xn, vn, sn, part = x, v, side, force_factor(side * x, block)
+    xn, vn, sn, part = x, v, side, force_factor(side * x, side, block)
     for n in range(len(nodes)):
         if n == 0 or nodes[n, 0] != nodes[n - 1, 0]:
             first = half * nodes[n, 0] * part
             xn, vn, sn, _ = _advance(x, v + first, side, segment, duration, TUNING.chatter * duration, block)
         vl, sl = vn, sn
         if abs(xn) < block.cutoff:
-            vl += half * nodes[n, 1] * force_factor(abs(xn), block)
+            vl += half * nodes[n, 1] * force_factor(abs(xn), sn, block)
             if xn == 0.0 and not rests:
                 sl = 1 if vl > 0.0 else -1
         _write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
@@ -307,7 +307,7 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
     force, slope = value_and_slope(segment.force, time)
     met = linearize_impact(speed, side, force, slope, block)
     kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
-    before, after = force_factor(0.5 * side * x, block), force_factor(0.5 * abs(far_x), block)
+    before, after = force_factor(0.5 * side * x, side, block), force_factor(0.5 * abs(far_x), -side, block)
     diffusions = noise.diffusion * before * before, noise.diffusion * after * after
     final, early, (b11, b12, b21, b22) = covariance_through_impact(diffusions, time, rest, met, block.restitution)
     move_origin(segment.particular, time, late)
@@ -375,7 +375,7 @@ def trace_cells(cells, points, segment, block, noise):
         Angle and velocity index of each cell.
     points : GaussPoints
     segment : Segment
-    block : Body
+    block : KernelBlock
     noise : Noise
 
     Returns

@@ -10,7 +10,7 @@ from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
 from fpk_rocking.physics.motion.block import gravity_at_contact
-from fpk_rocking.physics.motion.equation import Body
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
 from fpk_rocking.physics.motion.particular import affine_flights
 from fpk_rocking.physics.motion.segment import segment_from_particular
@@ -46,7 +46,7 @@ class Dynamics:
     def of(cls, scene):
         """Return the dynamics of a scene with white noise."""
         noise, block = scene.noise, scene.block
-        common = scene.forcing, noise.diffusion, block.restitution, scene.overturning.angle, noise.envelope
+        common = scene.forcing, noise.diffusion, block.restitution_by_side[0], scene.overturning.angle, noise.envelope
         return cls(*common, critical_angle=block.critical_angle or None)
 
     def later(self, time):
@@ -92,8 +92,8 @@ class Dynamics:
 
     @property
     def block(self):
-        """The block as a `Body`, which the kernels take."""
-        return Body(self.restitution, self.cutoff, self.critical_angle)
+        """The block as a `KernelBlock`, which the kernels take."""
+        return KernelBlock(self.restitution, self.cutoff, self.critical_angle)
 
     @property
     def lift_off(self):

@@ -6,11 +6,12 @@ time only. White noise is sqrt(2 D) cos φ dW. A critical angle of None or 0 is 
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.types import Array
-from fpk_rocking.physics.motion import LIFT_OFF, lift_off
+from fpk_rocking.physics.motion import LIFT_OFF
 
 
 def gravity_at_contact(critical_angle: float | None) -> float:
@@ -66,12 +67,33 @@ def saddle_speed(force: float, critical_angle: float | None) -> float:
     return math.sqrt(2.0 * max(square, 0.0)) / alpha
 
 
-def contact_forces(angle: Array, velocity: Array, force: Array, critical_angle: float, slender: bool = False) -> Array:
+class SidesOfContact(NamedTuple):
+    """What the forces of the floor need of each side, (left, right): its saddle m, its scale κ, and p² R_s/g.
+
+    By default those of a rectangle.
+    """
+
+    saddle: tuple[float, float] = (1.0, 1.0)
+    scale: tuple[float, float] = (1.0, 1.0)
+    lever: tuple[float, float] = (0.75, 0.75)
+
+
+RECTANGLE = SidesOfContact()
+
+
+def contact_forces(
+    angle: Array,
+    velocity: Array,
+    force: Array,
+    critical_angle: float,
+    slender: bool = False,
+    sides: SidesOfContact = RECTANGLE,
+) -> Array:
     """Return the forces of the floor on a block, over its weight mg.
 
-    With φ = α (1 - s x) the centre of mass has the horizontal acceleration ¾ (α x'' cos φ + s α² v² sin φ) relative to
-    the base and the vertical one ¾ (s α x'' sin φ - α² v² cos φ), in units of g; the base itself has -α f. The forces
-    of an impact are not among them.
+    With φ = α (m - s x) and the lever c = p² R/g the centre of mass has the horizontal acceleration
+    c (α x'' cos φ + s α² v² sin φ) relative to the base and the vertical one c (s α x'' sin φ - α² v² cos φ), in units
+    of g; the base itself has -α f. Of a rectangle m = 1 and c = 3/4. The forces of an impact are not among them.
 
     Parameters
     ----------
@@ -79,9 +101,11 @@ def contact_forces(angle: Array, velocity: Array, force: Array, critical_angle: 
         x, v and f at some times, nondimensional, of shapes that broadcast. A block at (0, 0) rests where f cannot lift
         it off.
     critical_angle : float
-        α of the block's dimensions, above 0, radians.
+        α of the block's size, above 0, radians.
     slender : bool
         Whether the motion obeys x'' = x - s + f in place of the exact equation.
+    sides : SidesOfContact
+        Of a body that is no rectangle.
 
     Returns
     -------
@@ -89,14 +113,16 @@ def contact_forces(angle: Array, velocity: Array, force: Array, critical_angle: 
         The horizontal force, positive towards x > 0, and the normal force. nan where the angle is.
     """
     x, v, f = np.broadcast_arrays(angle, velocity, force)
-    alpha, level = critical_angle, LIFT_OFF if slender else lift_off(critical_angle)
-    lifted = np.where(np.abs(f) > level, np.sign(f), 0.0)
+    alpha = critical_angle
+    left, right = (LIFT_OFF if slender else math.tan(m * alpha) / alpha for m in sides.saddle)
+    lifted = np.where(f > right, 1.0, np.where(-f > left, -1.0, 0.0))
     side = np.where(x != 0.0, np.sign(x), np.where(v != 0.0, np.sign(v), lifted))
-    phi = alpha * (1.0 - side * x)
+    saddle, scale, lever = (np.where(side > 0.0, pair[1], pair[0]) for pair in sides)
+    phi = alpha * (saddle - side * x)
     sine, cosine = np.sin(phi), np.cos(phi)
-    turning = alpha * (x - side + f if slender else f * cosine - side * sine / alpha)
+    turning = alpha * (x - side + f if slender else scale * (f * cosine - side * sine / alpha))
     square = (alpha * v) ** 2
     moving = side != 0.0
-    horizontal = np.where(moving, 0.75 * (turning * cosine + side * square * sine), 0.0) - alpha * f
-    normal = 1.0 + np.where(moving, 0.75 * (side * turning * sine - square * cosine), 0.0)
+    horizontal = np.where(moving, lever * (turning * cosine + side * square * sine), 0.0) - alpha * f
+    normal = 1.0 + np.where(moving, lever * (side * turning * sine - square * cosine), 0.0)
     return np.where(np.isnan(x), np.nan, np.stack([horizontal, normal]))

@@ -1,6 +1,7 @@
 """The exact block through an interval of a grid, fast: flights by Gauss-Legendre collocation, joined by impacts.
 
-With y = u - 1, the folded angle from the saddle, and F = s f a flight is y'' = sin(α y)/α + F cos(α y). The polynomial
+With y = u - m, the folded angle from the saddle, and F = s f a flight is y'' = κ (sin(α y)/α + F cos(α y)); m = κ = 1
+for equal sides. The polynomial
 that obeys it at the `NODES` Gauss points of a time has at its end an error of order 2 `NODES` (E. Hairer, S. P.
 Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.7). Iteration by repeated integrals
 finds it: each round gains about three digits. The sine and cosine are those at a first guess, turned by the little
@@ -21,6 +22,7 @@ from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.simd import WIDTH, load, spread, store, total
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.equation import acceleration_scale, restitution_from, saddle
 from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
     Event,
@@ -119,12 +121,12 @@ def lanes_times_table(m, a):
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def _iterate(table, factor, base, own, near, force, square, alpha):
-    """Find the accelerations at the points of a flight from a guess `near` of y = u - 1 there.
+def _iterate(table, factor, base, own, near, force, square, alpha, scale):
+    """Find the accelerations at the points of a flight from a guess `near` of y = u - m there.
 
-    `base`, `near` and `force`, which is s f, are `Lanes` at the points; `square` is that of the duration, `alpha` α. y
-    is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of what is returned first: y'', less y
-    if `own`. Return that, y, `Lanes` each, and whether the iteration has come to its end.
+    `base`, `near` and `force`, which is s f, are `Lanes` at the points; `square` is that of the duration, `alpha` α and
+    `scale` κ. y is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of what is returned first:
+    y'', less y if `own`. Return that, y, `Lanes` each, and whether the iteration has come to its end.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -141,7 +143,7 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
         + qq * (_COSINE[2] + q * _COSINE[3])
         + r * ((_COSINE[4] + q * _COSINE[5]) + qq * (_COSINE[6] + q * _COSINE[7]) + r * _COSINE[8])
     )
-    one, two = sine + force * cosine, cosine - turn * (force * sine)
+    one, two = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
     three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
     five = (-turn / 12.0) * three
     if own:
@@ -163,56 +165,63 @@ def _iterate(table, factor, base, own, near, force, square, alpha):
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def fly_by_tables(u, w, force, tables, span, block):
+def fly_by_tables(u, w, side, force, tables, span, block):
     """Carry a flight over the duration `span` of `tables`, its `FlightTables`; return as `fly_collocated`.
 
-    `u`, `w` are the folded state at its begin, `force` is s f at the points, `Lanes`, and `block` an exact `Body`.
+    `u`, `w` are the folded state at its begin, `force` is s f at the points, `Lanes`, and `block` an exact
+    `KernelBlock`.
     """
-    alpha, y = block.critical_angle, u - 1.0
-    cosh = load(tables.points, 0)
+    alpha, middle, scale = block.critical_angle, saddle(side, block), acceleration_scale(side, block)
+    cosh, y = load(tables.points, 0), u - middle
     base = cosh * y + load(tables.points, 1) * w
     half = 0.5 * alpha * alpha
     fall, less = half / 3.0 * y * (y * y), 1.0 - half * (y * y) - half * span / 1.5 * (y * w)
-    near = (base - fall * (cosh - 1.0)) + less * lanes_times_table(tables.inner, force)
-    pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha)
+    if scale != 1.0:
+        fall += (1.0 - scale) * y
+    near = (base - fall * (cosh - 1.0)) + scale * less * lanes_times_table(tables.inner, force)
+    pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
-    return 1.0 + y + total(load(tables.points, 2) * pull), w + total(load(tables.points, 3) * pull), pull + angle, found
+    end = middle + y + total(load(tables.points, 2) * pull)
+    return end, w + total(load(tables.points, 3) * pull), pull + angle, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def fly_collocated(u, w, force, span, block, near):
+def fly_collocated(u, w, side, force, span, block, near):
     """Carry a flight over a time.
 
     Parameters
     ----------
     u, w : float
         Folded angle and velocity at its begin.
+    side : int
+        The side s.
     force : Lanes
         Folded force s f at the points.
     span : float
         The time.
-    block : Body
+    block : KernelBlock
     near : Lanes
-        A guess of u - 1 at the points.
+        A guess of u - m at the points.
 
     Returns
     -------
     u, w, bend, found : float, float, Lanes, bool
         State at the end, u'' at the points, and whether the iteration has come to its end.
     """
-    y, slope, square = u - 1.0, span * w, span * span
+    y, slope, square, scale = u - saddle(side, block), span * w, span * span, acceleration_scale(side, block)
     base = y + slope * load(_POINTS, 0)
-    bend, _, found = _iterate(_INNER, square, base, False, near, force, square, block.critical_angle)
+    bend, _, found = _iterate(_INNER, square, base, False, near, force, square, block.critical_angle, scale)
     return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def _guess(u, w, begin, end, span):
-    """Guess of u - 1 at the points, `Lanes`, of a flight of duration `span`, for an acceleration linear in time.
+def _guess(u, w, side, begin, end, span, block):
+    """Guess of u - m at the points, `Lanes`, of a flight of duration `span`, for an acceleration linear in time.
 
     `u`, `w` are the folded state at its begin; `begin` and `end` are s f at the first and the last point.
     """
-    y, slope, square, c = u - 1.0, span * w, span * span, load(_POINTS, 0)
+    y, slope, c = u - saddle(side, block), span * w, load(_POINTS, 0)
+    square = acceleration_scale(side, block) * (span * span)
     bend = 0.5 * square * (y + begin)
     twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
     return y + c * (slope + c * (bend + c * twist))
@@ -270,7 +279,7 @@ def _leaves(u, w, angle, last, fall, block):
     """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9.
 
     `u`, `w` are the folded state at the begin, `angle` (TERMS,) is what `_expand` wrote, `last` the folded angle at the
-    end, `fall` half of the bound of -u'', and `block` a `Body`.
+    end, `fall` half of the bound of -u'', and `block` a `KernelBlock`.
     """
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
@@ -285,15 +294,16 @@ def _leaves(u, w, angle, last, fall, block):
 def _hop(u, w, side, force, start, until, block):
     """Duration of a low hop from x = 0 up to the next impact, and the folded velocity then; 0, 0 if it may be long.
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `block` is a `Body`. A hop
-    that takes more than half of the time up to `until` counts as long.
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `block` is a `KernelBlock`. A
+    hop that takes more than half of the time up to `until` counts as long.
     """
     if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
     (f, slope), alpha = value_and_slope(force, start), block.critical_angle
-    cosine, sine = math.cos(alpha), math.sin(alpha)
-    bend, stiff = side * f * cosine - sine / alpha, cosine + alpha * side * f * sine
-    jerk = stiff * w + side * slope * cosine
+    phi, scale = alpha * saddle(side, block), acceleration_scale(side, block)
+    cosine, sine = math.cos(phi), math.sin(phi)
+    bend, stiff = scale * (side * f * cosine - sine / alpha), scale * (cosine + alpha * side * f * sine)
+    jerk = stiff * w + scale * (side * slope * cosine)
     snap = stiff * bend
     time = -2.0 * w / bend
     if not 0.0 < 2.0 * time < until - start or abs(jerk) * time > -0.1 * bend:
@@ -308,11 +318,12 @@ def _hop(u, w, side, force, start, until, block):
 def _flight(u, w, side, force, start, span, block):
     """Carry a flight over the time `span` from `start`; return as `fly_collocated`.
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a `Body`.
+    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a
+    `KernelBlock`.
     """
     push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
-    near = _guess(u, w, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span)
-    return fly_collocated(u, w, push, span, block, near)
+    near = _guess(u, w, side, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span, block)
+    return fly_collocated(u, w, side, push, span, block, near)
 
 
 @kernel(forceinline=True)
@@ -320,7 +331,7 @@ def _event(u, w, last, angle, quotient, block):
     """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time.
 
     `u`, `w` are the folded state at the begin, `last` is the folded angle at the end, `angle` (TERMS,) is what
-    `_expand` wrote, `quotient` (TERMS,) is written to, and `block` is a `Body`. The place is from -1 to 1.
+    `_expand` wrote, `quotient` (TERMS,) is written to, and `block` is a `KernelBlock`. The place is from -1 to 1.
     """
     fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
@@ -341,13 +352,13 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     """Return duration and folded velocity of a flight up to its impact near `time` since `start`; or zeros.
 
     `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `place` is `time` in the time
-    of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `Body`. Zeros say that the impact is not
-    within 1e-7 of `time`.
+    of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `KernelBlock`. Zeros say that the impact
+    is not within 1e-7 of `time`.
     """
     places = load(_POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
-    near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - 1.0
-    rest, speed, bend, found = fly_collocated(u, w, push, time, block, near)
+    near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - saddle(side, block)
+    rest, speed, bend, found = fly_collocated(u, w, side, push, time, block, near)
     late = -rest / speed
     if not (found and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
         return 0.0, 0.0
@@ -359,11 +370,11 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
     """Return x, v, side and time after an impact at a time of an interval, or those of rest.
 
     `side` is that before the impact, `speed` its folded velocity, `force` (TERMS,) are the coefficients of f for |t| up
-    to `half`, `block` is a `Body`; `impacts`, `origin` and `slow` are as of `advance_through_events`.
+    to `half`, `block` is a `KernelBlock`; `impacts`, `origin` and `slow` are as of `advance_through_events`.
     """
     if impacts is not None:
         record_impact(impacts, origin + time, side * speed)
-    v, side = velocity_after_impact(side * speed, block.restitution), -side
+    v, side = velocity_after_impact(side * speed, restitution_from(side, block)), -side
     # Chatter takes a longer time than the number |v|: it can only end within `slow` where |v| is at most `slow`.
     if abs(v) <= slow:
         side, delay = rest_or_flight(abs(v), side, borrowed(segment_from_force(force, half)), time, block, slow)

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level
+from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level, restitution_from
 from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
 from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
@@ -72,7 +72,7 @@ def next_event(x, v, side, segment, start, end, block):
         The forcing.
     start, end : float
         Times since the segment's start.
-    block : Body
+    block : KernelBlock
 
     Returns
     -------
@@ -111,15 +111,15 @@ def next_event(x, v, side, segment, start, end, block):
 
 @kernel(inline="always")
 def can_lift_off(low, high, block):
-    """Whether a force f between `low` and `high` may lift a `Body` off that is at rest."""
-    return max(high, -low) >= lift_off_level(block)
+    """Whether a force f between `low` and `high` may lift a `KernelBlock` off that is at rest."""
+    return high >= lift_off_level(1, block) or -low >= lift_off_level(-1, block)
 
 
 @kernel
 def chord_clearance(side, low, high, span, block):
     """How far a flight may leave the chord between its ends below and above it: bounds of |u''| times span² / 8.
 
-    `low` and `high` bound f over the flight, `span` is its duration and `block` a `Body`.
+    `low` and `high` bound f over the flight, `span` is its duration and `block` a `KernelBlock`.
     """
     fall, rise = acceleration_bounds(side, low, high, block)
     sag = 0.125 * span * span
@@ -130,7 +130,8 @@ def chord_clearance(side, low, high, span, block):
 def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
     """Whether a flight surely keeps the distance `margin` from x = 0 and from the cut-off.
 
-    `u` and `end` are the folded angles at its ends, `low` and `high` bound f, `span` is its duration, `block` a `Body`.
+    `u` and `end` are the folded angles at its ends, `low` and `high` bound f, `span` is its duration, `block` a
+    `KernelBlock`.
     """
     below, above = chord_clearance(side, low, high, span, block)
     return min(u, end) - below > margin and max(u, end) + above < block.cutoff - margin
@@ -140,7 +141,7 @@ def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
 def folded_angle_bounds(u, w, side, low, high, span, block):
     """Least and greatest folded angle after a time `span` of a flight without event.
 
-    `u`, `w` are the folded state at its begin, `low` and `high` bound f, and `block` is a `Body`.
+    `u`, `w` are the folded state at its begin, `low` and `high` bound f, and `block` is a `KernelBlock`.
     """
     fall, rise = acceleration_bounds(side, low, high, block)
     half, straight = 0.5 * span * span, u + span * w
@@ -151,20 +152,20 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 def lift_off_time(segment, start, end, block):
     """First time in [start, end] at which a block at rest lifts off, and the side it goes to; `end` and 0 if it stays.
 
-    Times count from the start of a `Segment`; `block` is a `Body`. |f| must pass its level by more than a margin, a
+    Times count from the start of a `Segment`; `block` is a `KernelBlock`. |f| must pass its level by more than a
+    margin, a
     thousand times the rounding of f: the block then surely leaves, and whoever asks again at the same time gets the
     same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
-    level = lift_off_level(block)
-    level, target = level + margin, level + 2.0 * margin
+    left, right = lift_off_level(-1, block), lift_off_level(1, block)
     t = start
     while t < end:
         force, slope = value_and_slope(segment.force, t)
-        if abs(force) > level:
+        if force > right + margin or -force > left + margin:
             return t, (1 if force > 0.0 else -1)
-        below = least_closing_time(target + force, slope, segment.force_curvature)
-        above = least_closing_time(target - force, -slope, segment.force_curvature)
+        below = least_closing_time(left + 2.0 * margin + force, slope, segment.force_curvature)
+        above = least_closing_time(right + 2.0 * margin - force, -slope, segment.force_curvature)
         t += min(below, above)
     return end, 0
 
@@ -174,13 +175,13 @@ def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
     """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
 
     `speed` is that just after the impact, `side` the side it leads to, `time` that of the impact since the start of a
-    `Segment`, and `block` a `Body`. Chatter is summed where it ends within `slow` under a force that changes by less
-    than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped.
+    `Segment`, and `block` a `KernelBlock`. Chatter is summed where it ends within `slow` under a force that changes by
+    less than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped.
     """
     force, slope = value_and_slope(segment.force, time)
-    gap = lift_off_level(block) - abs(force)
+    gap = min(lift_off_level(1, block) - force, lift_off_level(-1, block) + force)
     if gap > 0.0:
-        delay = chatter_time(speed, side * force, block)
+        delay = chatter_time(speed, side, force, block)
         if delay <= slow and abs(slope) * delay <= 0.01 * gap:
             return 0, delay
     return (side if speed >= SPEED_FLOOR else 0), 0.0
@@ -200,7 +201,7 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
         The forcing; times count from its start.
     start, end : float
         Times since the segment's start.
-    block : Body
+    block : KernelBlock
     impacts : ImpactRecord, optional
         Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
     origin : float
@@ -225,7 +226,7 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
         if event == Event.IMPACT:
             if impacts is not None and v != 0.0:
                 record_impact(impacts, origin + t, v)
-            v = velocity_after_impact(v, block.restitution)
+            v = velocity_after_impact(v, restitution_from(side, block))
             side, delay = rest_or_flight(abs(v), -side, segment, t, block, slow)
             if side == 0:
                 v, t = 0.0, t + delay

@@ -19,7 +19,13 @@ from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS, particular
-from fpk_rocking.physics.motion.equation import dispatch_on_block, slender_acceleration, slender_acceleration_bounds
+from fpk_rocking.physics.motion.equation import (
+    acceleration_scale,
+    dispatch_on_block,
+    saddle,
+    slender_acceleration,
+    slender_acceleration_bounds,
+)
 from fpk_rocking.physics.motion.segment import least_closing_time, move_origin, value_and_slope
 
 # Arguments that one of two forms does not use are there for the other.
@@ -70,7 +76,7 @@ class SlenderFlight(NamedTuple):
 def _start_slender(x, v, side, segment, start, end, work, block):
     """Return the `SlenderFlight` from (x, v) at `start` to `end`, times since the start of a `Segment`.
 
-    `block` is a `Body`; `work` is not used.
+    `block` is a `KernelBlock`; `work` is not used.
     """
     p, q = value_and_slope(segment.particular, start)
     fall, rise = slender_acceleration_bounds(side, segment.force_low, segment.force_high, block)
@@ -88,7 +94,8 @@ def _slender_state(flight, side, segment, t, work, block):
 def _slender_outward_time(flight, u, side, segment, t, work, block):
     """Time for which u'' of a `SlenderFlight` surely stays >= 0 from t on; -1 where u'' < 0 at t.
 
-    `u` is the folded angle at t, which counts from the start of a `Segment`; `block` is a `Body`; `work` is not used.
+    `u` is the folded angle at t, which counts from the start of a `Segment`; `block` is a `KernelBlock`; `work` is not
+    used.
     """
     force, jerk = value_and_slope(segment.force, t)
     rising = slender_acceleration(u, side, force, block)
@@ -99,7 +106,7 @@ def _slender_outward_time(flight, u, side, segment, t, work, block):
 def slender_flight_end(x, v, side, segment, start, end, block):
     """Angle and velocity at `end` of a slender flight that is at (x, v) at `start`.
 
-    The times count from the start of a `Segment`; `block`, a `Body`, is not used.
+    The times count from the start of a `Segment`; `block`, a `KernelBlock`, is not used.
     """
     p, q = value_and_slope(segment.particular, start)
     factor = math.exp(end - start)
@@ -129,15 +136,15 @@ class ExactFlight(NamedTuple):
 def _expand(u, w, side, force, t, span, block, work):
     """Write to `work` (4, TERMS) the series of u, sin φ, cos φ and s f about t; return for how long that of u holds.
 
-    `u`, `w` are the folded state at t, `force` (TERMS,) are the coefficients of f and `block` is a `Body`. The series
-    ends where its terms are below rounding at the end of `span`, for which it then holds.
+    `u`, `w` are the folded state at t, `force` (TERMS,) are the coefficients of f and `block` is a `KernelBlock`. The
+    series ends where its terms are below rounding at the end of `span`, for which it then holds.
     """
     angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
     move_origin(force, t, push)
-    phi = alpha * (1.0 - u)
+    phi, scale = alpha * (saddle(side, block) - u), acceleration_scale(side, block)
     angle[0], angle[1], sine[0], cosine[0] = u, w, math.sin(phi), math.cos(phi)
     size, power, before, weight = max(1.0, abs(u)), span * span, math.inf, 1.0 / alpha
-    angle[2] = 0.5 * (side * push[0] * cosine[0] - weight * sine[0])
+    angle[2] = scale * (0.5 * (side * push[0] * cosine[0] - weight * sine[0]))
     for k in range(1, TERMS - 2):
         s, c, total = 0.0, 0.0, 0.0
         for i in range(1, k + 1):
@@ -148,7 +155,7 @@ def _expand(u, w, side, force, t, span, block, work):
         share = alpha * _RECIPROCALS[k]
         sine[k], cosine[k] = share * s, share * c
         total += push[0] * cosine[k]
-        angle[k + 2] = (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
+        angle[k + 2] = scale * (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
         power *= span
         term = abs(angle[k + 2]) * power
         if before + term < 1e-18 * size:  # those that follow are far below rounding
@@ -166,7 +173,7 @@ def _start_exact(x, v, side, segment, start, end, work, block):
     """Return the `ExactFlight` from (x, v) at `start`, which ends at `end`, or earlier where its series ceases to hold.
 
     The series is written to `work`, of the shape `SERIES`; `start` and `end` count from the start of a `Segment`, and
-    `block` is a `Body`.
+    `block` is a `KernelBlock`.
     """
     reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
@@ -209,7 +216,7 @@ def _exact_outward_time(flight, u, side, segment, t, work, block):
 def _exact_flight_end(x, v, side, segment, start, end, block):
     """Angle and velocity at `end` of an exact flight that is at (x, v) at `start`.
 
-    The times count from the start of a `Segment`; `block` is a `Body`.
+    The times count from the start of a `Segment`; `block` is a `KernelBlock`.
     """
     work, t, u, w = _series(), start, side * x, side * v
     while t < end:

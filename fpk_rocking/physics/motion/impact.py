@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor
+from fpk_rocking.physics.motion.equation import acceleration, acceleration_gradient, force_factor, restitution_from
 from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_flight
 
 
@@ -51,7 +51,7 @@ def side_of_start(x, v):
 
 
 @kernel
-def chatter_time(speed, force, block):
+def chatter_time(speed, side, force, block):
     """Time in which ever smaller bounces bring a block to rest, under a force held constant (a geometric sum).
 
     A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' at zero angle, which is 1 - s f
@@ -61,23 +61,22 @@ def chatter_time(speed, force, block):
     ----------
     speed : float
         Speed just after an impact, nondimensional.
+    side : int
+        The side s that the impact leads to.
     force : float
-        s f: the forcing seen from the side that the impact leads to.
-    block : Body
+        The forcing f.
+    block : KernelBlock
 
     Returns
     -------
     float
         The time to rest; inf where the force or e = 1 allows no rest.
     """
-    near, far, restitution = (
-        -acceleration(0.0, 1, force, block),
-        -acceleration(0.0, 1, -force, block),
-        block.restitution,
-    )
-    if near <= 0.0 or far <= 0.0 or restitution >= 1.0:
+    near, far = -acceleration(0.0, side, force, block), -acceleration(0.0, -side, force, block)
+    leaving, returning = restitution_from(side, block), restitution_from(-side, block)
+    if near <= 0.0 or far <= 0.0 or leaving * returning >= 1.0:
         return float("inf")
-    return 2.0 * speed * (1.0 / near + restitution / far) / (1.0 - restitution * restitution)
+    return 2.0 * speed * (1.0 / near + leaving / far) / (1.0 - leaving * returning)
 
 
 class LinearizedImpact(NamedTuple):
@@ -106,16 +105,16 @@ class LinearizedImpact(NamedTuple):
 
 @kernel
 def linearize_impact(speed, side, force, slope, block):
-    """Return the `LinearizedImpact` of a `Body`, all nondimensional.
+    """Return the `LinearizedImpact` of a `KernelBlock`, all nondimensional.
 
     `speed` is the velocity before the impact, with its sign, `side` that before it, `force` and `slope` are f and f'
     then.
     """
     return LinearizedImpact(
-        speed, velocity_after_impact(speed, block.restitution),
+        speed, velocity_after_impact(speed, restitution_from(side, block)),
         side * acceleration(0.0, side, force, block), -side * acceleration(0.0, -side, force, block),
         acceleration_gradient(0.0, side, force, block), acceleration_gradient(0.0, -side, force, block),
-        slope * force_factor(0.0, block),
+        slope * force_factor(0.0, side, block),
     )  # fmt: skip
 
 
@@ -166,7 +165,7 @@ def displacement_through_impact(x, v, time, rest, impact, block):
         The step's time before and after that impact.
     impact : LinearizedImpact
         The undisturbed one.
-    block : Body
+    block : KernelBlock
 
     Returns
     -------

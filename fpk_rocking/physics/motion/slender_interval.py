@@ -69,7 +69,8 @@ def _fold(interval, grow, decay, sign):
 def _through_events(particular, scratch, half, x, v, side, begin, end, block, impacts, origin):
     """As `advance_through_events`, from `begin` to `end`; times, up to `half` in size, count from the middle.
 
-    `particular` (TERMS,) is P there, `scratch` (TERMS,) is written to, `block` is a `Body`, `impacts` an `ImpactRecord`
+    `particular` (TERMS,) is P there, `scratch` (TERMS,) is written to, `block` is a `KernelBlock`, `impacts` an
+    `ImpactRecord`
     or None, `origin` the time of the middle. Return x, v, side and the time, which is `end` unless the block
     overturned.
     """
@@ -103,7 +104,7 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
         Folded angle at the interval's begin, and at its end if nothing happens.
     side : int
         +1, -1, or 0 at rest.
-    block : Body
+    block : KernelBlock
     impacts : ImpactRecord
         Records the impacts.
     origin : float
