@@ -25,15 +25,18 @@ from report import DATA, table, write_section
 
 from fpk_rocking import Record
 from fpk_rocking.base.files import write_json
+from fpk_rocking.results.pictures import reliability_panel
 from fpk_rocking.results.style import COLOURS, drawing
 from fpk_rocking.studies.block_outcomes import block_scenes, outcomes_of
-from fpk_rocking.studies.calibration import PRIOR, Calibration, calibrated, draw_reliability, drawn_names
+from fpk_rocking.studies.calibration import PRIOR, Calibration, calibrated, drawn_names
 
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"
 SPECIMENS = "specimen 1", "specimen 2"
 SPLITS, SEED, RATE = 25, 1, 200.0
-DRAWS, FEW, STIFF = 32, 8, 0.94
+DRAWS, REFINED, FEW, STIFF = 32, 8, 8, 0.94
+# Of .05, .1, .2, .3, .5 and .8 Hz those with the lowest Brier scores, of PGV alone and of PGA and PGV/PGA.
+ALONE, BESIDE = 0.3, 0.5
 HOUSNER = {name: law for name, law in PRIOR.items() if name != "restitution"}
 NO_SCATTER = {"stray": "uniform:0.01:0.6"}
 VARIANTS = {
@@ -71,14 +74,12 @@ def motions_of(file, hertz=None, level=None):
 
 def predict(file, blocks=BLOCKS):
     """Probabilities of overturning under the motions of a file, by specimen and number of the test."""
-    stored, motions = json.loads(blocks.read_text(encoding="utf-8")), motions_of(file)
-    names, draws, angles = stored["parameters"], np.array(stored["draws"]), np.array(stored["critical_angle"])
-    scenes = block_scenes(names, draws, angles, 0.5 * math.pi, motions)
-    overturns = outcomes_of(scenes, motions)
-    probabilities = {}
-    for name in SPECIMENS:
-        stray, weights = stored[name]["stray"], np.array(stored[name]["weights"])
-        values = 0.5 * stray + (1.0 - stray) * np.einsum("nkj,kj->n", overturns, weights / weights.sum())
+    motions, probabilities = motions_of(file), {}
+    for name, stored in json.loads(blocks.read_text(encoding="utf-8")).items():
+        angles, weights = np.array(stored["critical_angle"]), np.array(stored["weights"])
+        scenes = block_scenes(stored["parameters"], np.array(stored["draws"]), angles, 0.5 * math.pi, motions)
+        means = np.einsum("nkj,kj->n", outcomes_of(scenes, motions), weights / weights.sum())
+        values = 0.5 * stored["stray"] + (1.0 - stored["stray"]) * means
         probabilities[name] = {motion.source: round(float(p), 5) for motion, p in zip(motions, values, strict=True)}
     return probabilities
 
@@ -94,22 +95,49 @@ def kept_table(folder, name, file, draws, compute, housner=False, overturning=0.
     return Calibration.load(path)
 
 
+def refined_table(folder, name, file, planar, k, compute):
+    """Calibration to specimen k with draws from about its posterior; without these if neither there nor wanted."""
+    path = pathlib.Path(folder) / f"{name.replace(' ', '_')}.npz"
+    own = planar.counting(planar.counted, file["overturned"][:, k])
+    if not path.exists():
+        if not compute:
+            return own
+        own.refined(motions_of(file), REFINED).save(path)
+    return Calibration.load(path)
+
+
 def with_draws(calibration, some):
     """Return a calibration by some of its draws, an index."""
-    return dataclasses.replace(calibration, draws=calibration.draws[some], overturns=calibration.overturns[:, some])
+    return dataclasses.replace(
+        calibration,
+        draws=calibration.draws[some],
+        importance=calibration.importance[some],
+        overturns=calibration.overturns[:, some],
+    )
 
 
 def measures_of(file):
-    """Intensity measures of the tests by name, (n,): of acceleration and of velocity without what is below .1 Hz."""
+    """Intensity measures of the tests by name, (n,); velocities and displacements without what is below a corner."""
     arrays, step = samples_of(file)
-    high = scipy.signal.butter(2, 0.1 * 2.0 * step, "high", output="sos")
-    pga = np.array([np.abs(one).max() for one in arrays])
-    velocities = [9.80665 * step * np.cumsum(scipy.signal.sosfiltfilt(high, np.pad(one, 2000))) for one in arrays]
-    pgv = np.array([np.abs(one).max() for one in velocities])
-    pgd = np.array([np.abs(step * np.cumsum(scipy.signal.sosfiltfilt(high, one))).max() for one in velocities])
-    arias = np.array([(one**2).sum() * step for one in arrays])
-    absolute = np.array([np.abs(one).sum() * step for one in arrays])
-    return {"PGA": pga, "PGV": pgv, "PGV/PGA": pgv / pga, "PGD": pgd, "Arias": arias, "CAV": absolute}
+
+    def velocities(corner):
+        """Velocities of the table, m/s, high-passed at a corner in Hz."""
+        high = scipy.signal.butter(2, corner * 2.0 * step, "high", output="sos")
+        return [9.80665 * step * np.cumsum(scipy.signal.sosfiltfilt(high, np.pad(one, 2000))) for one in arrays]
+
+    def peaks(series):
+        """Largest absolute values."""
+        return np.array([np.abs(one).max() for one in series])
+
+    pga = peaks(arrays)
+    return {
+        "PGA": pga,
+        "PGV": peaks(velocities(ALONE)),
+        "PGV/PGA": peaks(velocities(BESIDE)) / pga,
+        "PGD": peaks([step * np.cumsum(one) for one in velocities(ALONE)]),
+        "Arias": np.array([(one**2).sum() * step for one in arrays]),
+        "CAV": np.array([np.abs(one).sum() * step for one in arrays]),
+    }
 
 
 def logistic(features, outcome, steps=25, ridge=1e-3):
@@ -224,16 +252,17 @@ def inversions(pga, record, observed):
 
 def kept_blocks(fits):
     """Blocks and weights of the calibrations by specimen, for `predict`."""
-    first = fits[SPECIMENS[0]]
-    values = {
-        "parameters": drawn_names(first.prior),
-        "draws": first.draws.round(6).tolist(),
-        "critical_angle": first.angles.round(8).tolist(),
-    }
+    values = {}
     for name, fit in fits.items():
-        weights = np.where(fit.population > 1e-5, fit.population, 0.0)
-        values[name] = {"stray": round(fit.stray_mean, 6), "weights": weights.round(6).tolist()}
-        values[name]["posterior"] = {key: [float(f"{one:.4g}") for one in row] for key, row in fit.posterior.items()}
+        some = fit.population.sum(axis=1) > 1e-4
+        values[name] = {
+            "parameters": drawn_names(fit.prior),
+            "draws": fit.draws[some].round(6).tolist(),
+            "critical_angle": fit.angles.round(8).tolist(),
+            "weights": fit.population[some].round(5).tolist(),
+            "stray": round(fit.stray_mean, 6),
+            "posterior": {key: [float(f"{one:.4g}") for one in row] for key, row in fit.posterior.items()},
+        }
     return values
 
 
@@ -254,7 +283,7 @@ def pictures(predictions, observed, measures, record):
     def reliability(axes, name):
         """Draw both models' observed shares over predicted probabilities."""
         for colour, model in zip(COLOURS, (MAIN, regression), strict=False):
-            draw_reliability(axes, predictions[name][model], observed[name], 7, color=colour, label=model)
+            reliability_panel(axes, predictions[name][model], observed[name], 7, color=colour, label=model)
         handles = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
         axes.legend(handles.values(), handles.keys(), fontsize=8)
 
@@ -306,17 +335,17 @@ def compare(file, folder, draws, more):
     """Compute all that the section says; return it, and the calibrations by specimen."""
     began = time.process_time()
     planar = kept_table(folder, "planar", file, draws, compute=True)
+    blocks = {name: refined_table(folder, name, file, planar, k, more) for k, name in enumerate(SPECIMENS)}
     housner = kept_table(folder, "housner", file, FEW, more, housner=True)
     record, splits, measures = file["record"], splits_of(file["record"]), measures_of(file)
     observed = {name: file["overturned"][:, k].astype(bool) for k, name in enumerate(SPECIMENS)}
-    everything = np.ones(len(record), bool)
-    fits = {name: planar.counting(everything, observed[name]) for name in SPECIMENS}
     tables = {text: kept_table(folder, text, file, FEW, more, **options) for text, options in VARIANTS.items()}
     found, predictions = {"seconds of paths": round(planar.wall_s, 1)}, {}
     for name in SPECIMENS:
-        models = models_of(planar, housner, measures, observed[name])
+        models = models_of(blocks[name], housner, measures, observed[name])
         variants = {"as above": models[MAIN], f"{FEW} draws": by_block(with_draws(planar, slice(FEW)), observed[name])}
-        variants |= {text: by_block(planar, observed[name], **laws) for text, laws in PRIORS.items()}
+        variants |= {f"the first {DRAWS} draws": by_block(planar, observed[name])}
+        variants |= {text: by_block(blocks[name], observed[name], **laws) for text, laws in PRIORS.items()}
         variants |= {f"{FEW} draws, {text}": by_block(one, observed[name]) for text, one in tables.items() if one}
         rows, predictions[name] = scores(models, observed[name], record, splits)
         sensitivity, _ = scores(variants, observed[name], record, splits, main="as above")
@@ -332,8 +361,8 @@ def compare(file, folder, draws, more):
             "wrong, predicted to stand": int((wrong & observed[name]).sum()),
             "outcomes not in order": int(strange.sum()),
             "wrong among these": int((wrong & strange).sum()),
-            "effective draws": round(fits[name].effective_draws, 1),
-            "posterior": {key: [float(f"{one:.3g}") for one in row] for key, row in fits[name].posterior.items()},
+            "effective draws": round(blocks[name].effective_draws, 1),
+            "posterior": {key: [float(f"{one:.3g}") for one in row] for key, row in blocks[name].posterior.items()},
         }
     pictures(predictions, observed, measures, record)
     found["tests"] = {
@@ -343,7 +372,7 @@ def compare(file, folder, draws, more):
         **{f"{name} predicted": predictions[name][MAIN].round(4).tolist() for name in SPECIMENS},
     }
     found["processor seconds beside the paths"] = round(time.process_time() - began, 1)
-    return found, fits
+    return found, blocks
 
 
 def section(found):

@@ -25,13 +25,13 @@ import scipy
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results.pictures import figure_of, reliability_panel
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.style import COLOURS
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_of
-from fpk_rocking.studies.drawing import _distribution
+from fpk_rocking.studies.drawing import _distribution, concentrated
 
 PRIOR = {
     SCATTERED: "lognormal:0.09:0.3",
@@ -58,7 +58,13 @@ def drawn_names(prior: Mapping[str, Any]) -> list[str]:
 
 
 class Prediction(NamedTuple):
-    """Probability of overturning under n motions, (n,), and its 95 % interval over the posterior."""
+    """Probability of overturning under n motions, and what the tests leave open of it.
+
+    Parameters
+    ----------
+    probability, low, high : ndarray, shape (n,)
+        Mean over the posterior, and 95 % limits.
+    """
 
     probability: Array
     low: Array
@@ -79,6 +85,8 @@ class Calibration(Saved, Result):
         Critical angles of the blocks, radians.
     draws : ndarray, shape (k, d)
         Values of the other parameters of the block, in the order of the prior.
+    importance : ndarray, shape (k,)
+        Density of the prior over that of the draws, at each.
     overturns : ndarray of bool, shape (n, k, j)
         Whether a block overturns under a motion.
     observed : ndarray of bool, shape (n,)
@@ -96,6 +104,7 @@ class Calibration(Saved, Result):
     prior: dict[str, Any]
     angles: Annotated[Array, "f8 j"]
     draws: Annotated[Array, "f8 k d"]
+    importance: Annotated[Array, "f8 k"]
     overturns: Annotated[Array, "b1 n k j"]
     observed: Annotated[Array, "b1 n"]
     counted: Annotated[Array, "b1 n"]
@@ -103,7 +112,15 @@ class Calibration(Saved, Result):
     wall_s: float
 
     def counting(self, tests: ArrayLike, observed: ArrayLike | None = None) -> Self:
-        """Return the calibration by some of the tests, bool (n,), or by other outcomes (n,), from the same paths."""
+        """Return the calibration by some of the tests, or by other outcomes, from the same paths.
+
+        Parameters
+        ----------
+        tests : array_like of bool, shape (n,)
+            Those that count.
+        observed : array_like of bool, shape (n,), optional
+            Other outcomes.
+        """
         counted = _outcomes("tests", tests, len(self.motion))
         if observed is not None:
             return dataclasses.replace(
@@ -159,7 +176,7 @@ class Calibration(Saved, Result):
         ends = np.concatenate([[-math.inf], np.exp(0.5 * (medians[1:] + medians[:-1])), [math.inf]])
         prior = np.diff(_distribution(SCATTERED, self.prior[SCATTERED]).cdf(ends))
         weights = np.exp((logs - logs.max()).astype(float)).reshape(-1, *map(len, self.axes.values()))
-        weights *= prior[:, None, None]
+        weights *= self.importance[:, None, None, None] * prior[:, None, None]
         return weights / weights.sum()
 
     @property
@@ -173,8 +190,7 @@ class Calibration(Saved, Result):
 
         The probability of overturning under any motion is `stray_mean`/2 and the rest of 1 times their mean.
         """
-        own = 1.0 - self.axes["stray"]
-        weights = (self.weights @ own).reshape(len(self.draws), -1) @ self._shares
+        weights = (self.weights @ (1.0 - self.axes["stray"])).reshape(len(self.draws), -1) @ self._shares
         return weights / weights.sum()
 
     @property
@@ -214,18 +230,48 @@ class Calibration(Saved, Result):
         return Prediction(*np.array(rows, float).T)
 
     def predict(self, motions: Sequence[Record], progress: Progress | None = None) -> Prediction:
-        """Probability of overturning under motions that were not among the tests.
+        """Return the probability of overturning under motions that were not among the tests.
 
         Parameters
         ----------
         motions : sequence of Record, (n,)
         progress : callable, optional
-            Called as ``progress(done, total)``.
+            Called as ``progress(done, total)`` after each motion.
         """
         own = self.weights.sum(axis=(1, 2, 3))
         draws = np.flatnonzero(own > 1e-3 * own.max())
         blocks = block_scenes(drawn_names(self.prior), self.draws[draws], self.angles, self.overturning, motions)
         return self._predict(outcomes_of(blocks, motions, progress), draws)
+
+    def refined(
+        self, motions: Sequence[Record], draws: int = 16, seed: int = 2, progress: Progress | None = None
+    ) -> Self:
+        """Return the calibration with further draws of the block, from where the posterior is.
+
+        Of old and new draws together each has the weight of the prior over the density of the mixture.
+
+        Parameters
+        ----------
+        motions : sequence of Record, (n,)
+            Those of the tests.
+        draws, seed : int
+            Further draws, and the seed of their scrambled Sobol points.
+        progress : callable, optional
+            Called as ``progress(done, total)`` after each motion.
+        """
+        if (self.importance != 1.0).any():
+            raise ValueError("refined: got a calibration that is refined, accepted: one of `calibrated`")
+        laws = [_distribution(name, self.prior[name]) for name in drawn_names(self.prior)]
+        old = np.column_stack([law.cdf(column) for law, column in zip(laws, self.draws.T, strict=True)])
+        new, importance = concentrated(old, self.weights.sum(axis=(1, 2, 3)), draws, seed)
+        values = np.column_stack([law.ppf(column) for law, column in zip(laws, new.T, strict=True)])
+        scenes = block_scenes(drawn_names(self.prior), values, self.angles, self.overturning, motions)
+        return dataclasses.replace(
+            self,
+            draws=np.concatenate([self.draws, values]),
+            importance=importance,
+            overturns=np.concatenate([self.overturns, outcomes_of(scenes, motions, progress)], axis=1),
+        )
 
     @property
     def posterior(self) -> dict[str, tuple[float, float, float]]:
@@ -256,15 +302,14 @@ class Calibration(Saved, Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Diagnostics of the model that speak against the result."""
+        """Diagnostics that speak against the result."""
         return tuple(one.message for one in self.diagnostics if one.severity)
 
     @property
     def title(self) -> str:
         """Number of tests, and what the block is."""
         tests, over = int(self.counted.sum()), int(self.observed[self.counted].sum())
-        names = [name for name in (SCATTERED, SHARED, "scatter") if name in self.prior]
-        texts = [f"{name.replace('_', ' ')} {self.posterior[name][0]:.3g}" for name in names]
+        texts = [f"{name.replace('_', ' ')} {row[0]:.3g}" for name, row in self.posterior.items() if name != "stray"]
         return f"{tests} tests, {over} overturned: {', '.join(texts)}"
 
     def dataset(self) -> Dataset:
@@ -292,20 +337,7 @@ class Calibration(Saved, Result):
             axes.set(xlabel="median critical angle, rad", ylabel="density")
             axes.legend(fontsize=8)
 
-        return figure_of(angle, lambda _, axes: draw_reliability(axes, self.probability, self.observed))
-
-
-def draw_reliability(axes: Any, probability: Array, observed: Array, groups: int = 8, **style: Any) -> None:
-    """Draw observed shares with 95 % intervals (Wilson) over predicted probabilities (n,), in groups of equal size."""
-    from scipy import stats
-
-    look = {"color": COLOURS[0]} | style
-    for part in np.array_split(np.argsort(probability, kind="stable"), groups):
-        mean, over = probability[part].mean(), int(observed[part].sum())
-        axes.plot([mean] * 2, stats.binomtest(over, len(part)).proportion_ci(method="wilson"), color=look["color"])
-        axes.plot(mean, over / len(part), "o", **look)
-    axes.plot([0, 1], [0, 1], "k:")
-    axes.set(xlabel="predicted probability of overturning", ylabel="share that overturned")
+        return figure_of(angle, lambda _, axes: reliability_panel(axes, self.probability, self.observed))
 
 
 def calibrated(
@@ -379,10 +411,12 @@ def calibrated(
         column = points[:, names.index(SHARED)]
         column[:] = (np.floor(column * LEVELS) + 0.5) / LEVELS
     values = np.column_stack([laws[name].ppf(column) for name, column in zip(names, points.T, strict=True)])
-    angles = np.geomspace(*laws[SCATTERED].ppf([0.001, 0.999]), NODES)
+    low, high = laws[SCATTERED].ppf([0.001, 0.999])
+    angles = np.geomspace(low, high, NODES)
     overturns = outcomes_of(block_scenes(names, values, angles, overturning, motions), motions, progress)
     own, wall_s = [motion.source for motion in motions], time.perf_counter() - started
-    return Calibration(own, prior, angles, values, overturns, observed, np.ones(len(own), bool), overturning, wall_s)
+    counted, importance = np.ones(len(own), bool), np.ones(draws)
+    return Calibration(own, prior, angles, values, importance, overturns, observed, counted, overturning, wall_s)
 
 
 def _outcomes(name, values, count):

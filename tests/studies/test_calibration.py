@@ -10,7 +10,8 @@ import scipy
 from fpk_rocking import Record
 from fpk_rocking.studies import Calibration, calibrated, synthetic_records
 from fpk_rocking.studies.block_outcomes import block_scene
-from fpk_rocking.studies.calibration import FINER, NODES, PRIOR, draw_reliability
+from fpk_rocking.studies.calibration import FINER, NODES, PRIOR
+from fpk_rocking.studies.drawing import concentrated
 from montecarlo import simulate
 
 ALPHA, RATE, BOUNCE, SCATTER = 0.08, 5.0, 0.85, 0.2
@@ -103,6 +104,30 @@ def test_other_motions_are_predicted_as_if_they_were_among_the_tests(found):
     assert abs(found.counting(counted | True, changed).probability - part.probability).max() > 0.05
 
 
+def test_points_are_drawn_where_the_weight_is_and_weigh_the_uniform_density():
+    old = scipy.stats.qmc.Sobol(2, rng=1).random(64)
+    law = scipy.stats.multivariate_normal([0.6, 0.8], [[0.01, 0.006], [0.006, 0.006]])
+    weights = law.pdf(old) / law.pdf(old).sum()
+    new, importance = concentrated(old, weights, 64, 3)
+    points = np.concatenate([old, new])
+    assert ((new > 0.0) & (new < 1.0)).all()
+    assert np.linalg.norm(new.mean(axis=0) - weights @ old) < 0.1
+    # Integrals over the unit square by 128 points: the standard error of the first, by the weights, is .09.
+    assert importance.mean() == pytest.approx(1.0, abs=0.15)
+    exact = law.cdf([1.0, 1.0]) - law.cdf([0.0, 1.0]) - law.cdf([1.0, 0.0]) + law.cdf([0.0, 0.0])
+    assert (importance * law.pdf(points)).mean() == pytest.approx(exact, rel=0.15)
+
+
+def test_refined_draws_count_more(found):
+    more = found.refined(MOTIONS, draws=2)
+    assert len(more.draws) == 10
+    assert (more.overturns[:, :8] == found.overturns).all()
+    # Two draws more of eight move the probabilities by as much as eight determine them.
+    assert abs(more.probability - found.probability).max() < 3.0 * found.error_estimate
+    with pytest.raises(ValueError, match="refined: got a calibration that is refined"):
+        more.refined(MOTIONS)
+
+
 def test_without_scatter_the_angle_of_each_test_is_the_median(found):
     laws = {name: law for name, law in found.prior.items() if name != "scatter"} | {"stray": "uniform:0.05:0.1"}
     fixed = dataclasses.replace(found, prior=laws)
@@ -114,7 +139,9 @@ def test_without_scatter_the_angle_of_each_test_is_the_median(found):
 
 def test_verdict_table_and_file(found, tmp_path):
     assert found.trust.verdict in {"ok", "caution"}
-    few = dataclasses.replace(found, draws=found.draws[:1], overturns=found.overturns[:, :1])
+    few = dataclasses.replace(
+        found, draws=found.draws[:1], importance=found.importance[:1], overturns=found.overturns[:, :1]
+    )
     assert few.trust.verdict == "do not use"
     assert "1 of 1 draws" in " ".join(few.trust.reasons)
     low = found.counting(np.ones(len(MOTIONS), bool), np.ones(len(MOTIONS), bool))
@@ -139,9 +166,9 @@ def test_pictures_show_the_posterior_and_reliability(found):
 
 
 def test_reliability_has_wilson_intervals():
-    from fpk_rocking.results.pictures import figure_of
+    from fpk_rocking.results.pictures import figure_of, reliability_panel
 
-    figure = figure_of(lambda _, axes: draw_reliability(axes, np.full(20, 0.3), np.arange(20) < 5, 1))
+    figure = figure_of(lambda _, axes: reliability_panel(axes, np.full(20, 0.3), np.arange(20) < 5, 1))
     low, high = figure.axes[0].lines[0].get_ydata()
     wanted = scipy.stats.binomtest(5, 20).proportion_ci(method="wilson")
     assert (low, high) == pytest.approx((wanted.low, wanted.high), abs=1e-4)
