@@ -3,7 +3,7 @@
 FILE is an .npz with `ids` (n,), `dt`, seconds, and for each id `a<id>`, the acceleration of the table in 1e-4 g. With
 `overturned` (n, 2), whether specimen 1 and 2 did, and `record` (n,), the ground motion that was scaled, blocks are
 fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Three processor
-minutes, and five more with --more; tables of outcomes are kept in FOLDER:
+minutes, and twelve more with --more; tables of outcomes are kept in FOLDER:
 
     python benchmarks/shake_table.py --motions FILE.npz --tables FOLDER [--draws 32] [--more]
 
@@ -423,7 +423,7 @@ def main():
     parser.add_argument("--tables", default="build/shake_table", metavar="FOLDER", help="tables of outcomes")
     parser.add_argument("--draws", type=int, default=DRAWS, metavar="N", help="blocks, a power of 2")
     parser.add_argument(
-        "--more", action="store_true", help="Housner's restitution, other filters, lengths and cut-offs"
+        "--more", action="store_true", help="further draws, Housner's restitution, other filters, lengths, cut-offs"
     )
     options = parser.parse_args()
     with np.load(options.motions) as file:
