@@ -17,6 +17,7 @@ __all__ = [
     "function_panel",
     "plane_panel",
     "plane_units",
+    "reliability_panel",
     "result_panels",
     "survival_panel",
 ]
@@ -165,3 +166,16 @@ def function_panel(
 def _title(result, cycle):
     """Time of a row of a `SurvivalResult` and survival then, as a title of a panel; `cycle` is the row."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
+
+
+def reliability_panel(axes: Any, probability: Array, observed: Array, groups: int = 8, **style: Any) -> None:
+    """Draw observed shares with 95 % intervals (Wilson) over predicted probabilities (n,), in groups of equal size."""
+    from scipy import stats
+
+    look = {"color": COLOURS[0]} | style
+    for part in np.array_split(np.argsort(probability, kind="stable"), groups):
+        mean, over = probability[part].mean(), int(observed[part].sum())
+        axes.plot([mean] * 2, stats.binomtest(over, len(part)).proportion_ci(method="wilson"), color=look["color"])
+        axes.plot(mean, over / len(part), "o", **look)
+    axes.plot([0, 1], [0, 1], "k:")
+    axes.set(xlabel="predicted probability of overturning", ylabel="share that overturned")

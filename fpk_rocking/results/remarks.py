@@ -127,8 +127,8 @@ def cautions(*results: Any) -> tuple[str, ...]:
 def scene_remarks(result: Any) -> tuple[str, ...]:
     """Sentences about the scene of a `Result`: on noise, sliding, what replaced the noise, a corrected baseline."""
     scene = result.scene
-    of = scene.noise.remark, _harmonics(result), _sliding(scene.block), getattr(result, "noise_replacement", "")
-    return tuple(filter(None, (*of, baseline_remark([scene.forcing]))))
+    replacement, baseline = getattr(result, "noise_replacement", ""), baseline_remark([scene.forcing])
+    return tuple(filter(None, (scene.noise.remark, _harmonics(result), _sliding(scene.block), replacement, baseline)))
 
 
 def _harmonics(result):
@@ -137,7 +137,7 @@ def _harmonics(result):
     It is said of a small probability, and of stratified frequencies only where there are not `enough_harmonics`.
     """
     noise = result.scene.noise
-    sampled = noise.kind == "band" and getattr(result, "realizations", 0) > 0 and hasattr(result, "survival")
+    sampled = noise.kind == "band" and (getattr(result, "realizations", None) or 0) > 0 and hasattr(result, "survival")
     if not sampled or not 0.0 < 1.0 - result.survival[-1] < RARE:
         return ""
     enough = enough_harmonics(noise.band, float(result.times[-1]))

@@ -5,10 +5,12 @@ machine or on a cluster. ``fragility`` computes the probability of overturning a
 shaking, with a lognormal fit. ``critical_intensities`` searches for the intensities at which each motion overturns a
 block without noise. ``drawn`` makes scenes of blocks whose values are drawn from distributions, and ``IntensityCurve``
 is the curve for others of their kind. ``synthetic_records`` makes ground motions, ``intensities`` measures how strong a
-motion is, and ``ranked`` orders these measures. ``solve_checked`` solves for the density of a scene and measures by
-sampling what the replacement of its noise changes, and ``slenderness_cost`` what it changes to take a block as slender.
+motion is, and ``ranked`` orders these measures. ``calibrated`` fits a block to tests in which it overturned or stood.
+``solve_checked`` solves for the density of a scene and measures by sampling what the replacement of its noise changes,
+and ``slenderness_cost`` what it changes to take a block as slender.
 """
 
+from fpk_rocking.studies.calibration import Calibration, calibrated
 from fpk_rocking.studies.critical import CriticalIntensities, critical_intensities
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.drawing import Draws, drawn, synthetic_records
@@ -21,6 +23,7 @@ from fpk_rocking.studies.sweeping import Sweep, sweep
 from fpk_rocking.studies.tasks import SlendernessCost, checked, slenderness_cost, solve_checked
 
 __all__ = [
+    "Calibration",
     "CriticalIntensities",
     "Draws",
     "Fragility",
@@ -30,6 +33,7 @@ __all__ = [
     "Ranking",
     "SlendernessCost",
     "Sweep",
+    "calibrated",
     "checked",
     "critical_intensities",
     "drawn",

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.types import Array
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.noise.envelope import Envelope, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS
@@ -101,6 +102,38 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
             copy = _with_value(copy, name, column[number])
         copies.append(copy)
     return Draws(tuple(copies), values, origin)
+
+
+def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[Array, Array]:
+    """Draw further points of the unit cube from where weighted points are, and weigh all of them anew.
+
+    The new ones are normal about the weighted mean, with twice the covariance and a deviation of 0.07 at least.
+
+    Parameters
+    ----------
+    points : ndarray, shape (k, d)
+        Drawn uniformly.
+    weights : ndarray, shape (k,)
+        Of sum 1.
+    count, seed : int
+        New points, and the seed of their scrambled Sobol sequence.
+
+    Returns
+    -------
+    new : ndarray, shape (count, d)
+    importance : ndarray, shape (k + count,)
+        Uniform density over that of the mixture of both sets, at each point.
+    """
+    from scipy import stats
+
+    mean = weights @ points
+    covariance = 2.0 * np.atleast_2d(np.cov(points.T, aweights=weights, ddof=0)) + 0.07**2 * np.eye(mean.size)
+    tried = stats.qmc.MultivariateNormalQMC(mean, covariance, rng=seed).random(2 ** math.ceil(math.log2(16 * count)))
+    inside = ((tried > 0.0) & (tried < 1.0)).all(axis=1)
+    new = tried[inside][:count]
+    density = stats.multivariate_normal(mean, covariance).pdf(np.concatenate([points, new])) / inside.mean()
+    share = len(new) / (len(points) + len(new))
+    return new, 1.0 / (1.0 - share + share * density)
 
 
 def _with_value(scene, name, value):

@@ -258,7 +258,7 @@ def test_what_was_hardly_meant_is_named():
 
 def test_a_record_has_harmonics_for_its_own_duration():
     """Band of 30 Hz times a record of 5 s; the text without the number of harmonics gives the same scene."""
-    motion = Record(0.01, [0.0, *np.sin(np.arange(500))])
+    motion = Record(0.01, [0.0, *np.sin(np.arange(500))], "m/s2")
     scene = Scene.from_block(0.5, 1.8, record=motion, noise_rms_acceleration=0.3, noise_band_hz=(0, 30))
     assert (scene.noise.harmonics, scene.noise.frequencies) == (150, "stratified")
     text = scene.to_toml()
