@@ -2,15 +2,22 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 
 import numpy as np
+
+from fpk_rocking.base.types import Array
+from fpk_rocking.risk.rate import Risk
+from fpk_rocking.studies.result import Fragility
 
 MOVED, CLOSEST, MOST_INTENSITIES = 0.01, 0.02, 64
 """With noise intensities are added until the rate moves by less than this part, no closer in the logarithm than this to
 others, up to so many, or twice those asked for."""
 
 
-def refined(sample, risk_of, asked):
+def refined(
+    sample: Callable[[Array, int], Fragility], risk_of: Callable[[Fragility], Risk], asked: Array
+) -> tuple[Fragility, int, float]:
     """Add intensities where the rate comes from, until a round of them moves it by less than `MOVED`.
 
     Parameters

@@ -274,6 +274,6 @@ def _remove_exports(folder):
             (folder / name).unlink(missing_ok=True)
 
 
-def corrected(scenes):
+def corrected(scenes: Sequence[Scene]) -> bool:
     """Whether the baseline of the motion of any scene is corrected."""
     return any(getattr(scene.forcing, "baseline", "none") != "none" for scene in scenes)

@@ -9,6 +9,7 @@ from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Scene
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
+from fpk_rocking.results.trust import CAUTION
 from fpk_rocking.risk.refinement import refined
 from fpk_rocking.studies import fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit
@@ -21,8 +22,7 @@ MOTIONS, HAZARD = 8, Hazard.power_law(1e-4, 2.5)
 def test_rates_by_8_24_and_48_intensities_are_within_two_percent(suite):
     """Curves that rise, fall at a resonance and rise again, sampled with 10,000 paths; the truth is their integral.
 
-    In 5 suites and 15 draws the largest spread was 0.7 %, so that false alarms are rare. By the lognormal fit, which
-    stands in some of these suites, it was 10 %.
+    By the lognormal fit, which stands in some of these suites, the rates differed by up to 10 %.
     """
     rng, draw = np.random.default_rng(100 + suite), np.random.default_rng(suite)
     medians, noise = np.exp(0.5 * rng.standard_normal(MOTIONS)), rng.uniform(0.08, 0.35, MOTIONS)
@@ -103,7 +103,7 @@ def test_with_noise_intensities_are_added_where_the_rate_comes_from():
     wanted = np.mean([annual_frequency(IntensityCurve.of(one, "PGV"), few.risk.hazard).rate for one in others])
     coarse = fragility(list(paths.scenes), scale=asked, realizations=60, seed=7)
     assert few.risk.rate == pytest.approx(wanted, rel=0.08)
-    assert annual_frequency(IntensityCurve.of(coarse, "PGV"), few.risk.hazard).rate != pytest.approx(wanted, rel=0.16)
+    assert annual_frequency(IntensityCurve.of(coarse, "PGV"), few.risk.hazard).rate != pytest.approx(wanted, rel=0.1)
 
 
 def test_intensities_asked_for_keep_their_samples():
@@ -117,4 +117,5 @@ def test_a_rate_that_still_moves_is_a_caution():
     restless = dataclasses.replace(shaken(4), moved=0.07)
     (reason,) = [text for text in restless.trust.reasons if "still moved" in text]
     assert "by 7 % with the last of" in reason
-    assert restless.trust.verdict == "caution"
+    (moving,) = [diagnostic for diagnostic in restless.diagnostics if diagnostic.name == "intensities"]
+    assert (moving.message, moving.severity) == (reason, CAUTION)

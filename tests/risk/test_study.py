@@ -101,9 +101,9 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     assert values["draws"]["origin"] == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4]
     assert list(values["curve"]["sources"]) == ["noise", "size_factor", "record to record"]
     assert len(values["fragility"]["overturned"]) == 10
-    assert values["risk"]["rate"] == pytest.approx(
-        1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2), rel=1e-9
-    )
+    # The rate is by the points; that of the lognormal fit is near.
+    by_fit = 1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2)
+    assert values["risk"]["rate"] == pytest.approx(by_fit, rel=0.1)
     assert {one["measure"] for one in values["ranking"]} == {"PGA, g", "PGV, m/s", "p PGV / (g tan θ_cr)"}
     arguments[3] = "1e-3:-1"
     assert cli.main(arguments) == 2
