@@ -8,8 +8,8 @@ from scipy.special import ndtr
 from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Scene
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.results.trust import CAUTION
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.refinement import refined
 from fpk_rocking.studies import fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit
