@@ -6,8 +6,8 @@ from fpk_rocking.density import solve_fpk as solve_fpk
 from fpk_rocking.horizon import CycleOperator as CycleOperator
 from fpk_rocking.scene import BandNoise as BandNoise
 from fpk_rocking.scene import Block as Block
-from fpk_rocking.scene import CloughPenzien as CloughPenzien
 from fpk_rocking.scene import Body as Body
+from fpk_rocking.scene import CloughPenzien as CloughPenzien
 from fpk_rocking.scene import Dimensions as Dimensions
 from fpk_rocking.scene import Filter as Filter
 from fpk_rocking.scene import FilteredNoise as FilteredNoise
