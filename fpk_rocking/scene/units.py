@@ -77,7 +77,15 @@ def _unit_in(text, units):
 
 
 class BlockSize(abc.ABC):
-    """Conversions of nondimensional quantities to units and back: by critical angle, frequency parameter, gravity."""
+    """Conversions of nondimensional quantities to units and back: by critical angle, frequency parameter, gravity.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Dimensions
+    >>> size = Dimensions(width=0.5, height=1.8)
+    >>> print(f"{size.seconds(1.0):.3f} s, {size.critical_angle:.3f} rad")
+    0.356 s, 0.271 rad
+    """
 
     __slots__ = ()
     gravity: float

@@ -74,7 +74,7 @@ class IntensityCurve(Result):
     >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> curve = IntensityCurve.of(curves, "PGV")
     >>> print(curve.probability.round(2), f"median {curve.fit.median:.2f} {curve.unit}")
-    [0.11 0.32 0.55 0.68] median 0.69 m/s
+    [0.1  0.34 0.52 0.65] median 0.70 m/s
     """
 
     name: str
