@@ -269,7 +269,7 @@ def kept_blocks(fits):
 def draw(path, titles, panel):
     """Write a picture with a panel for each specimen, which `panel(axes, specimen)` draws."""
     with drawing() as new_figure:
-        figure = new_figure(figsize=(9.2, 3.8), layout="constrained")
+        figure = new_figure(figsize=(9.2, 4.2), layout="constrained")
         for axes, name, title in zip(figure.subplots(1, 2), SPECIMENS, titles, strict=True):
             panel(axes, name)
             axes.set_title(title, fontsize=9)
@@ -300,7 +300,7 @@ def pictures(predictions, observed, measures, record):
         ):
             axes.plot(measures["PGA"][kind], measures["PGV/PGA"][kind], style, mfc="none", mec="black", label=text)
         axes.set(xscale="log", yscale="log", xlabel="PGA, g", ylabel="PGV/PGA, m/s/g")
-        axes.legend(fontsize=7)
+        axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False)
 
     def fragility(axes, name):
         """Draw shares that overturned over PGV, the curve fitted to them, and one fitted to the predictions."""
