@@ -197,9 +197,9 @@ def phase_flux_sampled(
 
 
 def _single(forcing, critical_angle=0.0):
-    """Return D_m of one harmonic, a `Harmonic` or a pair (amplitude, frequency), refusing several.
+    """Return D_m of one harmonic, a `Harmonic` or a pair (amplitude, frequency); TypeError for several harmonics.
 
-    `critical_angle` is α, radians.
+    The pair may hold arrays, which broadcast: D_m is an array then. `critical_angle` is α, radians.
     """
     return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 

@@ -184,9 +184,10 @@ def _flight(orbit, time):
 
 
 def _admissible(orbit, cutoff):
-    """Whether 0 < u < cutoff within the flight of a `SymmetricOrbit`.
+    """Whether 0 < u < cutoff within the flight of a `SymmetricOrbit`; u is the folded angle, `cutoff` one as well.
 
-    By bounds of |u''| on intervals halved until each is decided.
+    By bounds of |u''| on intervals halved until each is decided; one that is undecided below 1e-9 counts as False. Near
+    the impacts at both ends, u > 0 follows from its Taylor bounds.
     """
     half, omega = math.pi / orbit.frequency, orbit.frequency
     scale = orbit.amplitude / (1.0 + omega * omega)

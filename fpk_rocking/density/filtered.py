@@ -109,6 +109,8 @@ class FilteredPropagator(CyclicPropagator):
         """Part of the blocks at rest after a cycle that the nodes may misplace, though all resolutions agree.
 
         It is what nodes beyond the level of lift-off weigh too much or too little, and a part of a node's weight there.
+        Relative to the probability that the force at τ = 0 holds a block at rest; one number for all cycles. It is 0
+        where the nodes have no `spacing`, as where no block can rest.
         """
         if self.discretization.spacing is None:
             return 0.0

@@ -210,7 +210,7 @@ def announce_finer(scene: Scene, before: Discretization, finer: Discretization, 
     """Print to standard error the estimated time of a finer solution, if long, by that of the one before.
 
     `before`, `finer`: their meshes and steps; `times` (rows,): those of the result; `taken`: seconds that the one
-    before took.
+    before took. Only white noise has an estimate: for other noise nothing is printed.
     """
     if scene.noise.kind != "white":
         return

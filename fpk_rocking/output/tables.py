@@ -115,9 +115,10 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def _compared(comparisons, place, cycle):
-    """Yield the rows of text of one cycle: the reference, and below it each result held against it.
+    """Yield the rows of one cycle, each of seven texts: the reference, and below it each result held against it.
 
-    `comparisons` are of the class `Comparison`, and `place` is the cycle's index among the cycles of joint densities.
+    `comparisons` are of the class `Comparison`, `cycle` is the number of the cycle, and `place` its index among the
+    cycles of joint densities.
     """
     yield str(cycle), *_survival_cells(comparisons[0], cycle, 1), "", "", ""
     for compared in comparisons:

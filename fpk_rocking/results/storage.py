@@ -231,9 +231,10 @@ def _opened(path):
 
 
 def _array(path, archive, name):
-    """Read an array by its name from a `zipfile.ZipFile`, and return it; `path` is that of the file, for messages.
+    """Read an array by its name, without .npy, from a `zipfile.ZipFile`, and return it; `path` is for messages.
 
-    It is read to the end first: numpy reads no further than a shape says, and the checksum is known last.
+    It is read to the end first: numpy reads no further than a shape says, and the checksum is known last. ValueError
+    where it is missing or damaged.
     """
     try:
         with archive.open(f"{name}.npy") as member:

@@ -330,7 +330,10 @@ class Calibration(Saved, Result):
         return f"{tests} tests, {over} overturned: {', '.join(texts)}"
 
     def dataset(self) -> Dataset:
-        """Return a row for each motion: predicted probability with its limits, and the outcome."""
+        """Return a row for each motion: predicted probability with its limits, the outcome, and whether it counted.
+
+        An outcome counts where the posterior takes the test into account.
+        """
         return Dataset(
             {
                 "probability": ("motion", self.predicted.probability),

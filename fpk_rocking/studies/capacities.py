@@ -311,7 +311,11 @@ class Capacities(NamedTuple):
         }
 
     def _imputed(self, at, variance, exact, precision, rng):
-        """Draw capacities (samples, m) that are normal about (samples, m or 1), within what is measured."""
+        """Draw capacities (samples, m) given those of other rows and what is measured; exact ones are `middle`.
+
+        Before the measurement they are normal about `at` (samples, m or 1) with a variance (samples, 1). `precision`
+        (m,) is 1/error² of the estimates, `exact` (m,) whether the error is 0; all draws lie between `low` and `high`.
+        """
         estimated = np.isfinite(self.error)
         gain = np.where(estimated, precision * variance / (1.0 + precision * variance), 0.0)
         middle, width = at + gain * (self.middle - at), np.sqrt(variance * (1.0 - gain))

@@ -187,7 +187,10 @@ class CriticalIntensities(Saved, Result):
         order = np.argsort(self.critical, kind="stable")
 
         def panel(_, axes):
-            """Draw a line for each motion, the weakest critical intensity lowest."""
+            """Draw a bar over each interval in which a motion overturns, and a mark at the motion's own intensity.
+
+            The motion with the weakest critical intensity is lowest; `axes` are matplotlib's, the figure is not used.
+            """
             for place, number in enumerate(order):
                 row = self.jumps[number][np.isfinite(self.jumps[number])]
                 ends = np.append(row, self.highest) if row.size % 2 else row

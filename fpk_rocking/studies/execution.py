@@ -177,7 +177,11 @@ def _rows_from_executor(executor, task, jobs, options):
 
 
 def _rows_from_processes(count, task, jobs, options):
-    """Yield the rows of jobs on processes; where a process is killed, the jobs that were running are tried alone."""
+    """Yield the rows of jobs on processes; where a process is killed, the jobs that were running are tried alone.
+
+    Rows come as jobs end, from `count` processes at most; `options` (dict) are keyword arguments of the task. A job
+    whose process is killed again gets a row without values that says so.
+    """
     left = {job.number: job for job in jobs}
     while left:
         try:
@@ -287,7 +291,11 @@ def _lock(file, path):
 
 
 def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str]) -> dict[int, dict[str, Any]]:
-    """Return the rows of a store, which is cut after its last complete line; write the header of a new one."""
+    """Return the rows of a store by the number of their job; cut the store after its last complete line.
+
+    A new `file` (open, binary, at `path`) gets the `header`, a line of JSON. ValueError, and the file is left as it is,
+    where a line is damaged, the header differs, or a row's digest is not that in `digests` (job number to digest).
+    """
     file.seek(0)
     content = file.read()
     if header.startswith(content):

@@ -71,9 +71,10 @@ def _write_nodes(samples, node, ends):
 
 @kernel(fastmath={"contract", "reassoc"})
 def _noise_slope(samples, k, slopes):
-    """Return the derivative of the noise's share of P at the end of interval k of a chunk.
+    """Return the derivative, in time, of the noise's share of P at the end of interval k of a chunk.
 
-    `samples` (WIDTH - 1 + CHUNK,) of the noise; `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
+    `samples` (WIDTH - 1 + CHUNK,) of the interpolant of that share, not of the noise (`_divide_by_stiffness`);
+    `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
     """
     total = 0.0
     for i in range(WIDTH):

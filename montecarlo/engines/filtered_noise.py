@@ -364,7 +364,8 @@ def bound_part(j, k, tables, envelope, noise):
 def write_polynomial(tables, noise):
     """Write the coefficients `signal` of the noise in an interval, or a part, from its Bernstein coefficients.
 
-    Both are in a `NoiseWorkspace`; `tables` are `NoiseTables`, or `PartTables`.
+    Both are in a `NoiseWorkspace`; `tables` are `NoiseTables`, or `PartTables`. `signal` (TERMS,) is in powers of the
+    time since the begin of the interval or of the part, and 0 above the degree.
     """
     signal, bernstein = noise.signal, noise.bernstein
     signal[:] = 0.0

@@ -121,10 +121,11 @@ def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
 
 @kernel(forceinline=True)
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Write the force in the chunk of steps that begins with step j, where the last chunk is used up.
+    """Write to the `Workspace` the chunk of steps that begins with step j; nothing where j is within a chunk.
 
-    `number` counts steps from the begin of the run at `cycle`, j from that of the table period; `stream` is not used.
-    `workspace` is the engine's `Workspace`. `parameters` are its `Parameters`.
+    It is the force, its bounds and what it adds to each step, as of `_write_chunk`. `number` counts steps from the
+    begin of the run at `cycle`, j from that of the table period; `stream` is not used. `parameters`, `workspace`: the
+    engine's `Parameters` and `Workspace`.
     """
     if j % workspace.low.size == 0:
         _write_chunk(number, j, cycle, parameters, workspace)

@@ -35,8 +35,8 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     -------
     float
         Nondimensional; (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band (eq. 15, its σ² included), exactly
-        2D for white noise, that of its `StateSpace` for filtered noise, 0 without noise. For α > 0 that of a band is a
-        quadrature of its spectrum, and the other two are in closed form.
+        2D for white noise, variance times that of its `StateSpace` for filtered noise, 0 without noise. For α > 0 that
+        of a band is a quadrature of its spectrum, and the other two are in closed form.
 
     Raises
     ------

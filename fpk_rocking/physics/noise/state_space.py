@@ -51,6 +51,8 @@ class StateSpace(NamedTuple):
     def stationary(cls, drift: ArrayLike, source: ArrayLike, output: ArrayLike) -> Self:
         """Return the state space of a filter dz = drift z dτ + source dW, η = output z, scaled to variances of 1.
 
+        Each state, and η, gets the variance 1; the states stay correlated, see `correlation`.
+
         Parameters
         ----------
         drift : array_like, shape (n, n)
