@@ -6,7 +6,19 @@ import numpy as np
 import pytest
 from flight_moments import flight_moments
 
-from fpk_rocking import Block, Dimensions, Evolution, Harmonic, Pulse, Record, Scene, Start, WhiteNoise, solve_fpk
+from fpk_rocking import (
+    Block,
+    Dimensions,
+    Evolution,
+    Harmonic,
+    Pulse,
+    Record,
+    Scene,
+    Start,
+    WhiteNoise,
+    load_scene,
+    solve_fpk,
+)
 from fpk_rocking.density import solver
 from fpk_rocking.density.propagator import Solution
 from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
@@ -98,6 +110,12 @@ def test_blocks_that_come_to_rest_after_a_record_are_held_there():
     assert solution.coefficients[-1] == pytest.approx(solution.survival[-1] * density_at_rest(space), abs=1e-12)
     assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
     assert space.negative_mass(solution.coefficients[-1]) == 0.0
+
+
+def test_a_record_lifts_off_a_block_that_rests_at_that_instant():
+    """Its re-injection begins on the level of lift-off; no path of 10,000 overturns by then."""
+    density = solve_fpk(load_scene("record").white_equivalent(), times=[6.0], tol=5e-2, bins_tol=np.inf)
+    assert density.survival[-1] == pytest.approx(1.0, abs=1e-5)
 
 
 def test_a_record_that_never_stirs_a_block_leaves_it_at_rest():
