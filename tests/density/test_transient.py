@@ -113,7 +113,7 @@ def test_blocks_that_come_to_rest_after_a_record_are_held_there():
 
 
 def test_a_record_lifts_off_a_block_that_rests_at_that_instant():
-    """Its re-injection begins on the level of lift-off; no path of 10,000 overturns by then."""
+    """Its re-injection begins on the level of lift-off. The survival is that of a finer solution."""
     density = solve_fpk(load_scene("record").white_equivalent(), times=[6.0], tol=5e-2, bins_tol=np.inf)
     assert density.survival[-1] == pytest.approx(1.0, abs=1e-5)
 
