@@ -31,7 +31,7 @@ from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.style import COLOURS
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_of
-from fpk_rocking.studies.drawing import _distribution, concentrated
+from fpk_rocking.studies.drawing import concentrated, distribution_of
 
 PRIOR = {
     SCATTERED: "lognormal:0.09:0.3",
@@ -157,7 +157,7 @@ class Calibration(Saved, Result):
         """Return the nodes of the scatter or of the share of stray outcomes: 0 alone where the prior has none."""
         if name not in self.prior:
             return np.zeros(1)
-        return np.asarray(_distribution(name, self.prior[name]).ppf((np.arange(CELLS[name]) + 0.5) / CELLS[name]))
+        return np.asarray(distribution_of(name, self.prior[name]).ppf((np.arange(CELLS[name]) + 0.5) / CELLS[name]))
 
     @functools.cached_property
     def _shares(self):
@@ -191,7 +191,7 @@ class Calibration(Saved, Result):
         logs = self.counted.astype(np.float32) @ self._evidence
         medians = np.log(self.axes[SCATTERED])
         ends = np.concatenate([[-math.inf], np.exp(0.5 * (medians[1:] + medians[:-1])), [math.inf]])
-        prior = np.diff(_distribution(SCATTERED, self.prior[SCATTERED]).cdf(ends))
+        prior = np.diff(distribution_of(SCATTERED, self.prior[SCATTERED]).cdf(ends))
         weights = np.exp((logs - logs.max()).astype(float)).reshape(-1, *map(len, self.axes.values()))
         weights *= self.importance[:, None, None, None] * prior[:, None, None]
         return weights / weights.sum()
@@ -278,7 +278,7 @@ class Calibration(Saved, Result):
         """
         if (self.importance != 1.0).any():
             raise ValueError("refined: got a calibration that is refined, accepted: one of `calibrated`")
-        laws = [_distribution(name, self.prior[name]) for name in drawn_names(self.prior)]
+        laws = [distribution_of(name, self.prior[name]) for name in drawn_names(self.prior)]
         old = np.column_stack([law.cdf(column) for law, column in zip(laws, self.draws.T, strict=True)])
         new, importance = concentrated(old, self.weights.sum(axis=(1, 2, 3)), draws, seed)
         values = np.column_stack([law.ppf(column) for law, column in zip(laws, new.T, strict=True)])
@@ -353,7 +353,7 @@ class Calibration(Saved, Result):
             """Draw the densities of the median critical angle."""
             medians, mass = self.axes[SCATTERED], self.weights.sum(axis=(0, 2, 3))
             axes.fill_between(medians, mass / np.gradient(medians), color=COLOURS[0], alpha=0.4, label="posterior")
-            axes.plot(medians, _distribution(SCATTERED, self.prior[SCATTERED]).pdf(medians), "k:", label="prior")
+            axes.plot(medians, distribution_of(SCATTERED, self.prior[SCATTERED]).pdf(medians), "k:", label="prior")
             axes.set(xlabel="median critical angle, rad", ylabel="density")
             axes.legend(fontsize=8)
 
@@ -424,7 +424,7 @@ def calibrated(
     draws = checks.count("draws", draws, at_most=4096)
     if draws & (draws - 1):
         raise ValueError(checks.refusal("draws", draws, "a power of 2"))
-    laws = {name: _distribution(name, law) for name, law in prior.items()}
+    laws = {name: distribution_of(name, law) for name, law in prior.items()}
     names = drawn_names(prior)
     points = scipy.stats.qmc.Sobol(len(names), rng=checks.count("seed", seed, at_least=0)).random(draws)
     if SHARED in names:

@@ -89,7 +89,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     count, seed = checks.count("count", count, at_most=100_000), checks.count("seed", seed, at_least=0)
     points = qmc.LatinHypercube(len(uncertain), seed=np.random.default_rng(seed)).random(count * len(scenes))
     values = {
-        name: tuple(np.asarray(_distribution(name, law).ppf(column), float).tolist())
+        name: tuple(np.asarray(distribution_of(name, law).ppf(column), float).tolist())
         for (name, law), column in zip(uncertain.items(), points.T, strict=True)
     }
     origin = tuple(int(place) for place in np.repeat(np.arange(len(scenes)), count))
@@ -150,7 +150,7 @@ def _refuse_far(scenes, name, law):
 
     if name.endswith("_factor") or name == "scale":
         return
-    low, high = np.asarray(_distribution(name, law).ppf(special.ndtr([-4.0, 4.0])), float)
+    low, high = np.asarray(distribution_of(name, law).ppf(special.ndtr([-4.0, 4.0])), float)
     # A uniform distribution ends a little beyond.
     room = 1e-4 * (high - low)
     for own in (_value(scene, name) for scene in scenes):
@@ -173,8 +173,21 @@ def _value(scene, name):
     return getattr(getattr(scene, part, None), field, None) if field else None
 
 
-def _distribution(name, law):
-    """Return the distribution that a text such as "normal:0:1" names; an object with `ppf` is returned as it is."""
+def distribution_of(name: str, law: Any) -> Any:
+    """Return the distribution that a text names, with `ppf`, `pdf` and `cdf`.
+
+    Parameters
+    ----------
+    name : str
+        Of the value that is distributed, for messages.
+    law : str or distribution
+        A text such as "normal:0:1"; an object with `ppf` is returned as it is.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The text names no distribution.
+    """
     from scipy import stats
 
     if hasattr(law, "ppf"):
