@@ -1,7 +1,7 @@
 """How often the printed total error holds where noise was replaced; writes docs/benchmarks/replacement_*.json.
 
 Random blocks under band noise, in periodic shaking (those of `practical_blocks`) and in random records, are solved and
-checked by `fpk_rocking.studies.solve_checked`, and held against many more paths under the same band noise.
+checked by `fpk_rocking.studies.checked`, and held against many more paths under the same band noise.
 
     python benchmarks/replacement.py periodic                 # 24 scenes, some minutes
     python benchmarks/replacement.py record --paths 100000    # 12 scenes, most of an hour
@@ -18,10 +18,10 @@ import numpy as np
 from practical_blocks import CYCLES, practical_blocks
 from report import ROOT
 
-from fpk_rocking import Record, Scene
+from fpk_rocking import Record, Scene, solve_fpk
 from fpk_rocking.base import files
 from fpk_rocking.results.trust import REPLACED
-from fpk_rocking.studies import solve_checked
+from fpk_rocking.studies import checked
 from montecarlo import simulate, tally
 
 TOL = 1e-2
@@ -69,7 +69,7 @@ def judged(scene, paths):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
-            density = solve_checked(scene, tol=TOL, **rows)
+            density = checked(solve_fpk(scene, tol=TOL, **rows))
         except ValueError as reason:
             return {"scene": scene, "reason": str(reason)}
     end = scene.overturning.angle

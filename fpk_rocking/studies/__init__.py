@@ -6,7 +6,7 @@ shaking, with a lognormal fit. ``critical_intensities`` searches for the intensi
 block without noise. ``drawn`` makes scenes of blocks whose values are drawn from distributions, and ``IntensityCurve``
 is the curve for others of their kind. ``synthetic_records`` makes ground motions, ``intensities`` measures how strong a
 motion is, and ``ranked`` orders these measures. ``calibrated`` fits a block to tests in which it overturned or stood.
-``solve_checked`` solves for the density of a scene and measures by sampling what the replacement of its noise changes,
+``checked`` measures by sampling what the replacement of noise changes of a density,
 and ``slenderness_cost`` what it changes to take a block as slender.
 """
 
@@ -20,7 +20,7 @@ from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import Grid, grid, resized, scaled
 from fpk_rocking.studies.sweeping import Sweep, sweep
-from fpk_rocking.studies.tasks import SlendernessCost, checked, slenderness_cost, solve_checked
+from fpk_rocking.studies.tasks import SlendernessCost, checked, slenderness_cost
 
 __all__ = [
     "Calibration",
@@ -44,7 +44,6 @@ __all__ = [
     "resized",
     "scaled",
     "slenderness_cost",
-    "solve_checked",
     "sweep",
     "synthetic_records",
 ]

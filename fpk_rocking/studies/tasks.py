@@ -63,49 +63,6 @@ CHECK_SEED, CHECK_PATHS = 2, 40_000
 their number: over ten cycles of 100 harmonics they take .1 to .7 s on two cores, longest where blocks rest."""
 
 
-def solve_checked(
-    scene: Scene, *, realizations: int | None = None, seed: int = CHECK_SEED, **options: Any
-) -> Evolution:
-    """Solve the Fokker-Planck equation of a scene, and measure what the replacement of its noise changes.
-
-    `solve_fpk`, and where it replaced the noise, `checked`.
-
-    Parameters
-    ----------
-    scene : Scene
-    realizations, seed
-        As for `checked`.
-    **options
-        The other parameters of `solve_fpk`; `progress` is called while the density is solved.
-
-    Returns
-    -------
-    Evolution
-        With `Evolution.replacement` where noise was replaced.
-
-    Warns
-    -----
-    RuntimeWarning
-        As `solve_fpk`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `solve_fpk` and `checked`.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.studies import solve_checked
-    >>> density = solve_checked(load_scene("main"), cycles=4, tol=1e-2, realizations=1000)
-    >>> print(f"{density.survival[4]:.2f} ± {density.total_error[4, 0]:.2f}")
-    0.86 ± 0.03
-    """
-    realizations, seed = _check_size(scene, realizations, seed)
-    expect_check(scene)
-    return checked(solve_fpk(scene, **options), realizations=realizations, seed=seed)
-
-
 def checked(
     density: Evolution,
     *,

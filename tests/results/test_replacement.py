@@ -161,35 +161,30 @@ def test_a_density_without_a_replacement_is_refused():
         density(white).checked(fakes.FakeEnsemble(white))
 
 
-def solved(monkeypatch, result):
-    monkeypatch.setattr(tasks, "solve_fpk", lambda scene, **asked: result(scene, asked))
-
-
-def test_solving_and_checking_are_one_call(monkeypatch):
+def test_a_density_is_checked_by_paths_of_its_scene():
     """The paths are those of `simulate` with this number and seed; noise that is not replaced is not sampled."""
-    solved(monkeypatch, lambda scene, asked: fakes.FakeEvolution(scene, **asked))
-    found = tasks.solve_checked(MAIN, cycles=3, tol=1e-2, realizations=500, seed=7)
+    density = fakes.FakeEvolution(MAIN, cycles=3, tol=1e-2)
+    replaced = tasks.checked(density, realizations=500, seed=7)
     paths = simulate(MAIN, cycles=3, realizations=500, seed=7)
-    assert found.tol == 1e-2
-    assert found.replacement.difference[:, 0] == pytest.approx(paths.survival - found.survival)
-    assert found.replacement.difference[:, 1:] == pytest.approx(paths.overturned - found.overturned)
-    white = tasks.solve_checked(MAIN.white_equivalent(), cycles=3)
+    assert replaced.tol == 1e-2
+    assert replaced.replacement.difference[:, 0] == pytest.approx(paths.survival - replaced.survival)
+    assert replaced.replacement.difference[:, 1:] == pytest.approx(paths.overturned - replaced.overturned)
+    white = tasks.checked(fakes.FakeEvolution(MAIN.white_equivalent(), cycles=3))
     assert white.replacement is None
     for name, bad in (("realizations", 0), ("seed", -1)):
         with pytest.raises(ValueError, match=name):
-            tasks.solve_checked(MAIN, cycles=3, **{name: bad})
+            tasks.checked(density, **{name: bad})
 
 
-def test_a_motion_that_does_not_repeat_is_checked_at_its_times(monkeypatch):
+def test_a_motion_that_does_not_repeat_is_checked_at_its_times():
     pulse = dataclasses.replace(MAIN, forcing=Pulse("one-sine", 4.0, 2.0))
 
     class Once(fakes.FakeEvolution):
         times = np.array([0.0, 1.0, 5.0])
 
-    solved(monkeypatch, lambda scene, _: Once(scene, cycles=2))
-    found = tasks.solve_checked(pulse, realizations=200)
+    replaced = tasks.checked(Once(pulse, cycles=2), realizations=200)
     paths = simulate(pulse, times=[1.0, 5.0], realizations=200, seed=2)
-    assert found.replacement.difference[:, 0] == pytest.approx(paths.survival - found.survival)
+    assert replaced.replacement.difference[:, 0] == pytest.approx(paths.survival - replaced.survival)
 
 
 def test_a_probability_that_rounds_to_0_has_no_sign():
