@@ -93,13 +93,13 @@ which a call is refused, warned of, or repeated, which moves no result; or what 
 
 def tables():
     """Tables of tuned numbers: {name of the folder: (module, {field: default})}."""
-    found = {}
+    numbers = {}
     for path in sorted(
         path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("tuning.py")
     ):
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        found[path.parent.name] = module, loaded(module).TUNING._asdict()
-    return found
+        numbers[path.parent.name] = module, loaded(module).TUNING._asdict()
+    return numbers
 
 
 def loaded(module):
@@ -127,7 +127,7 @@ def times(value, factor):
 
 def when_read(module, field):
     """Say when a field is read: at a "call" of plain functions, at "import", or by "kernels", which compile it."""
-    found = {"call"}
+    times_read = {"call"}
     for path in sorted(path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         match = re.search(rf"from {re.escape(module)} import TUNING(?: as (\w+))?", text)
@@ -138,8 +138,8 @@ def when_read(module, field):
             inside = {part for node in plain for line in node.body for part in ast.walk(line)}
             heads = {part for node in plain for part in ast.walk(node)} - inside
             uses = {node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and ast.unparse(node) == name}
-            found |= {"import" if node in heads else "kernels" for node in uses - inside}
-    return max(found, key=("call", "import", "kernels").index)
+            times_read |= {"import" if node in heads else "kernels" for node in uses - inside}
+    return max(times_read, key=("call", "import", "kernels").index)
 
 
 def _is_plain(function):
@@ -174,29 +174,29 @@ def calls():
     moving = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(3.0, 2.7, math.pi), fpk.FilteredNoise("exponential", 0.05, 5.0))
 
     def simulated(scene, cycles, paths=PATHS, **options):
-        found = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
-        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
+        ensemble = mc.simulate(scene, **({"cycles": cycles} if cycles else {}), realizations=paths, **options)
+        bins = ensemble.bin_probabilities(len(ensemble.survival) - 1, *EDGES)
         return {
-            "survival": found.survival,
+            "survival": ensemble.survival,
             "bins": bins,
-            "paths": np.stack([found.angle, found.velocity])[:, :200],
-        } | _sampling(found)
+            "paths": np.stack([ensemble.angle, ensemble.velocity])[:, :200],
+        } | _sampling(ensemble)
 
     def split(scene):
-        found = mc.split(scene, cycles=2, walkers=100, repeats=20)
-        repeats = found.repeat_probability[:, -1] / found.probability[-1]
-        return {"survival": found.survival, "paths": repeats, "sampling": found.standard_error}
+        splitting = mc.split(scene, cycles=2, walkers=100, repeats=20)
+        repeats = splitting.repeat_probability[:, -1] / splitting.probability[-1]
+        return {"survival": splitting.survival, "paths": repeats, "sampling": splitting.standard_error}
 
     def solved(scene, cycles, **options):
-        found = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
-        bins = found.bin_probabilities(len(found.survival) - 1, *EDGES)
-        estimates = [found.error_estimate, found.bins_error_estimate]
-        return {"survival": found.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
+        evolution = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
+        bins = evolution.bin_probabilities(len(evolution.survival) - 1, *EDGES)
+        estimates = [evolution.error_estimate, evolution.bins_error_estimate]
+        return {"survival": evolution.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}
 
     def operated(scene, tol):
-        found = fpk.CycleOperator(scene, tol=tol)
-        estimates, bins = [found.escape_error], found.quasi_stationary.bin_probabilities(*EDGES)
-        return {"survival": found.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
+        operator = fpk.CycleOperator(scene, tol=tol)
+        estimates, bins = [operator.escape_error], operator.quasi_stationary.bin_probabilities(*EDGES)
+        return {"survival": operator.survival([1, 10, 200]), "bins": bins, "estimate": estimates}
 
     rows = {
         "exact": (main, simulated, 8),
@@ -282,8 +282,8 @@ def recording(numbers):
     return Recording(*numbers), read
 
 
-def _sampling(found):
-    return {"sampling": np.sqrt(found.survival * (1.0 - found.survival) / found.realizations)}
+def _sampling(ensemble):
+    return {"sampling": np.sqrt(ensemble.survival * (1.0 - ensemble.survival) / ensemble.realizations)}
 
 
 def changed(numbers, changes):
@@ -299,11 +299,11 @@ class Variant:
         command = [sys.executable, __file__, "--work", module, json.dumps(changes)]
         pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
         self.process, self.changes = subprocess.Popen(command, env=environment, text=True, cwd=ROOT, **pipes), {}
-        self.known, self.read, self.answers = set(), {}, {}
+        self.called, self.read, self.answers = set(), {}, {}
 
     def call(self, name, factor, *part):
         """Return the answer of `work` to a call, or why there is none; `part` is a factor of the tolerance."""
-        self.known.add(name)
+        self.called.add(name)
         with contextlib.suppress(BrokenPipeError):
             self.process.stdin.write(json.dumps([name, factor, self.changes, *part]) + "\n")
             self.process.stdin.flush()
@@ -331,8 +331,10 @@ def differences(base, variant):
     """Return how results differ: at most, bins in sum, nine paths in ten; and the standard error of sampling."""
     combine = {"survival": np.max, "estimate": np.max, "bins": np.sum, "paths": lambda parts: np.quantile(parts, 0.9)}
     both = {key: [np.nan_to_num(answer[key]) for answer in (base, variant)] for key in combine if key in base}
-    found = {key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in both.items()}
-    return found | {"sampling": max(base.get("sampling", [0.0]))}
+    largest = {
+        key: float(combine[key](np.abs(a - b))) if a.size == b.size else math.inf for key, (a, b) in both.items()
+    }
+    return largest | {"sampling": max(base.get("sampling", [0.0]))}
 
 
 def compare(base, variant, scenes, rounds, count, references):
@@ -344,10 +346,10 @@ def compare(base, variant, scenes, rounds, count, references):
     That of a scene is the ratio of the least seconds or the median ratio, whichever is nearer to 1: other work on the
     machine moves one rather than both. The first call of a scene in a process, which may compile, is not timed.
     """
-    found = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
+    changes = dict.fromkeys(("sampling", *RESULTS), 0.0) | {"seconds": 1.0}
     for name in scenes:
         seconds = []
-        for turn in range({name} <= base.known & variant.known, rounds + 1):
+        for turn in range({name} <= base.called & variant.called, rounds + 1):
             if rounds == 1:
                 answers = [base.once(name), variant.call(name, 1.0)]
             else:
@@ -355,22 +357,22 @@ def compare(base, variant, scenes, rounds, count, references):
                 answers = [process.call(name, factor) for process in (base, variant)]
             refused = [answer["refused"] for answer in answers if "refused" in answer]
             if refused:
-                return found | {"refused": f"{name}: {refused[0]}"}
+                return changes | {"refused": f"{name}: {refused[0]}"}
             moved = differences(*answers)
-            if name in references and moved["survival"] >= found["survival"]:
-                found["errors"] = [max_difference(answer["survival"], references[name]) for answer in answers]
-            found |= {key: max(found[key], value) for key, value in moved.items()}
+            if name in references and moved["survival"] >= changes["survival"]:
+                changes["errors"] = [max_difference(answer["survival"], references[name]) for answer in answers]
+            changes |= {key: max(changes[key], value) for key, value in moved.items()}
             if turn:
                 seconds.append([answer["seconds"] for answer in answers])
         own, others = np.transpose(seconds)
         ratio = min(np.median(others / own), others.min() / own.min(), key=_from_1)
-        found["seconds"] = float(max(found["seconds"], ratio, key=_from_1))
-    return found
+        changes["seconds"] = float(max(changes["seconds"], ratio, key=_from_1))
+    return changes
 
 
-def max_difference(one, other):
+def max_difference(values, reference):
     """Largest difference of two lists of numbers."""
-    return float(np.abs(np.subtract(one, other)).max())
+    return float(np.abs(np.subtract(values, reference)).max())
 
 
 def _from_1(ratio):
@@ -390,14 +392,14 @@ def verdict(change, chance=SECONDS):
     return ", ".join(words) or ("rounding" if largest > 0.0 else "nothing")
 
 
-def measure(name, pattern, found, missing=False):
+def measure(name, pattern, rows, missing=False):
     """Measure the numbers of a table that a pattern fits, into {field: [value, {factor: change}]}; write after each.
 
-    With `missing` those that are in `found` are left out. A scene in which a number is not read is not run for it.
+    With `missing` those that are in `rows` are left out. A scene in which a number is not read is not run for it.
     """
     module, values = tables()[name]
     wanted = [field for field in values if re.fullmatch(pattern, field) and scenes_of(name, field)]
-    wanted = [field for field in wanted if not (missing and field in found)]
+    wanted = [field for field in wanted if not (missing and field in rows)]
     if not wanted:
         return
     base, other, count = Variant(module, {}), Variant(module, {}), itertools.count(1)
@@ -408,7 +410,7 @@ def measure(name, pattern, found, missing=False):
     anew = any(when_read(module, field) == "kernels" for field in values)
     with tempfile.TemporaryDirectory() as folder:
         same = Variant(module, {}, folder if anew else None)
-        found[UNCHANGED] = ["", {"1": compare(base, same, every, ROUNDS[name], count, references)}]
+        rows[UNCHANGED] = ["", {"1": compare(base, same, every, ROUNDS[name], count, references)}]
         same.end()
     for field in wanted:
         read, changes = when_read(module, field), {}
@@ -432,8 +434,8 @@ def measure(name, pattern, found, missing=False):
                 if variant is other and "refused" in measured:
                     other = Variant(module, {})
             print(change, measured, verdict(measured), flush=True)
-        found[field] = [values[field], changes]
-        write(name, found)
+        rows[field] = [values[field], changes]
+        write(name, rows)
     base.end()
     other.end()
 
@@ -521,12 +523,12 @@ def main():
         return
     for name in options.table or tables():
         file = DATA / f"{slug(f'Sensitivity: {name}')}.json"
-        known = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
+        measured = json.loads(file.read_text(encoding="utf-8"))["measured"] if file.exists() else {}
         try:
-            measure(name, options.only, known, options.missing)
+            measure(name, options.only, measured, options.missing)
         finally:
-            if known:
-                write(name, known)
+            if measured:
+                write(name, measured)
 
 
 if __name__ == "__main__":
