@@ -52,7 +52,6 @@ GROUPS = {
         "envelope_order": ("exact enveloped",),
         "white_.*|finest_step|barrier_distance|bounce_time": ("white", "white rack"),
         "sure_arrival|longest_arrival|bounce_.*": ("white", "white at rest"),
-        "gaussian_deviations": ("exact rack",),
         "filtered_(parts|margin|slowest)": ("filtered", "filtered rough"),
         "filtered_(fewest|rough)": ("filtered", "filtered soil", "filtered rough"),
         "filtered_(longest|smooth)": ("filtered smooth", "filtered slow"),

@@ -11,7 +11,6 @@ class Tuning(NamedTuple):
     # The engine "exact".
     exact_fewest: int = 12  # intervals in the forcing's shortest period at least; flights need no more
     exact_longest: float = 0.2  # longest interval: the polynomials of a flight are right to 1e-14 over it
-    gaussian_deviations: float = 12.0  # standard deviations that Gaussian band noise passes with a probability of 4e-33
     envelope_order: int = 8  # coefficients of an envelope that is not linear, in an interval: right to 1e-12
     # The engine "white".
     white_fewest: int = 16  # intervals in the forcing's shortest period at least
