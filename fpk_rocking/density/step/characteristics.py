@@ -33,6 +33,7 @@ from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     acceleration,
+    acceleration_gradient,
     dispatch_on_block,
     force_factor,
     lift_off_level,
@@ -343,19 +344,59 @@ _four_polynomials = scratch(4, TERMS)
 
 
 @kernel(inline="always")
-def _trace_cell(i, j, points, segment, block, noise, ends, flags):
-    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_point`.
+def _slender_displaced(x, v, side, time, displacement, segment, block):  # noqa: ARG001
+    """Return the state (x, v) of a slender block as it is; no other argument is used."""
+    return x, v
+
+
+@kernel
+def _exact_displaced(x, v, side, time, displacement, segment, block):
+    """Return the state (x, v) of an exact block on a side, displaced at a `time` of a `Segment`; see `displaced`."""
+    u, (force, slope) = side * x, value_and_slope(segment.force, time)
+    excess = acceleration(u, side, force, block) - acceleration(0.0, side, force, block) - u
+    gradient = acceleration_gradient(u, side, force, block) - 1.0
+    rise = slope * (force_factor(u, side, block) - force_factor(0.0, side, block))
+    return x - side * displacement * excess, v + displacement * (v * gradient + rise)
+
+
+displaced = dispatch_on_block(_slender_displaced, _exact_displaced)
+"""State (x, v) on a side, plus `displacement` times (-c, v ∂c/∂x + ∂c/∂t) of an exact block at a `time` of a `Segment`.
+
+`c` is the acceleration less that of the affine flights, see `free_flight`. States of the mesh are the real ones less
+this at duration²/24.
+"""
+
+
+@kernel
+def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
+    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_cells`.
 
     `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the `Noise` in it.
     """
     scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
     for p in range(len(x)):
         for q in range(len(v)):
-            trace_point(x[p], v[q], side, segment, block, noise, scratch, ends[p, q], flags[p, q])
+            xp, vq = displaced(x[p], v[q], side, 0.0, displacement, segment, block)
+            trace_point(xp, vq, side, segment, block, noise, scratch, ends[p, q], flags[p, q])
+            if displacement > 0.0:
+                _displace_back(segment, block, noise.duration, displacement, ends[p, q], flags[p, q])
 
 
 @kernel
-def _trace_all(begin, end, cells, points, segment, block, noise, ends, flags):
+def _displace_back(segment, block, duration, displacement, ends, flags):
+    """Replace the real ends (n, 2) of paths by states of the mesh, where `flags` (n,) are a side; see `displaced`.
+
+    `segment` is the forcing over the step of a `duration`. What is past the cut-off then has overturned.
+    """
+    for n in range(len(ends)):
+        side = flags[n]
+        if abs(side) == 1:
+            x, v = displaced(ends[n, 0], ends[n, 1], side, duration, -displacement, segment, block)
+            _write_end(n, x, v, side, side, block.cutoff, ends, flags)
+
+
+@kernel
+def _trace_all(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
     """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
 
     `cells` (m, 2) are their indices. `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the
@@ -363,10 +404,10 @@ def _trace_all(begin, end, cells, points, segment, block, noise, ends, flags):
     """
     cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
     for c in range(begin, end):
-        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, ends[c], flags[c])
+        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, displacement, ends[c], flags[c])
 
 
-def trace_cells(cells, points, segment, block, noise):
+def trace_cells(cells, points, segment, block, noise, displacement=0.0):
     """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise.
 
     Parameters
@@ -377,6 +418,8 @@ def trace_cells(cells, points, segment, block, noise):
     segment : Segment
     block : KernelBlock
     noise : Noise
+    displacement : float
+        Of states of the mesh from the real ones (`displaced`), at begin and end.
 
     Returns
     -------
@@ -387,5 +430,6 @@ def trace_cells(cells, points, segment, block, noise):
     """
     shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
-    run_in_parts(_trace_all, len(cells), np.ascontiguousarray(cells), points, segment, block, noise, ends, flags)
+    parts = np.ascontiguousarray(cells), points, segment, block, noise, displacement, ends, flags
+    run_in_parts(_trace_all, len(cells), *parts)
     return ends, flags

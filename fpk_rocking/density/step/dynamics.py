@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 
 import numpy as np
 
@@ -9,12 +10,40 @@ from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import gravity_at_contact
+from fpk_rocking.physics.motion.block import gravity_at_contact, tilt_angle
 from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
 from fpk_rocking.physics.motion.particular import affine_flights
 from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise.envelope import Envelope
+
+
+@dataclasses.dataclass(frozen=True)
+class Excess:
+    """What the acceleration of an exact block has beyond that of the affine flights of a step; nondimensional.
+
+    The affine flight is x'' = x - s sin α/α + f cos α, so that the excess c(x, t) is 0 at zero angle:
+    c = -s (sin φ - sin α)/α - x + f (cos φ - cos α), with φ = α (1 - s x).
+
+    Parameters
+    ----------
+    critical_angle : float
+        α, radians.
+    force : float
+        f half way through the step.
+    shifts : ndarray, shape (3,)
+        What affine flights from (0, 0) have added to the angle half way, with the side as index.
+    """
+
+    critical_angle: float
+    force: float
+    shifts: np.ndarray
+
+    def __call__(self, angles, sides):
+        """Return c (n, ...) half way through the step, at `angles` (n, ...) on `sides`, +1 or -1, (n, ...)."""
+        alpha, phi = self.critical_angle, tilt_angle(angles, self.critical_angle)
+        turning = self.force * (np.cos(phi) - math.cos(alpha))
+        return turning - sides * (np.sin(phi) - math.sin(alpha)) / alpha - angles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,10 +114,18 @@ class Dynamics:
     def affine(self, start, duration):
         """Return the flight over a step from `start` of a `duration` as `AffineFlights`.
 
-        For an exact block `FreeFlight` adds the rest.
+        Of an exact block it is that whose acceleration is right at zero angle; `FreeFlight` adds the rest.
         """
-        ends, part = (start, start + duration), gravity_at_contact(self.critical_angle)
-        return affine_flights(*(part * value for time in ends for value in self.forcing.particular(time)), duration)
+        ends, part = (start, start + duration), math.cos(self.critical_angle or 0.0)
+        particular = (part * value for time in ends for value in self.forcing.particular(time))
+        return affine_flights(*particular, duration, gravity_at_contact(self.critical_angle))
+
+    def excess(self, start, duration):
+        """Return the `Excess` of an exact block over a step from `start` of a `duration`; None of a slender one."""
+        if self.critical_angle is None:
+            return None
+        shifts = self.affine(start, 0.5 * duration).shifts[:, 0]
+        return Excess(self.critical_angle, float(self.forcing.value(start + 0.5 * duration)), shifts)
 
     @property
     def block(self):

@@ -6,8 +6,13 @@ whole (`shears`), so each is an L2 projection in one dimension, done exactly (`r
 is a small diffusion of the angle with the first and the last shear and one of the velocity after the second: together
 they have the covariance of the flight, exactly (derived in docs/theory). Mass is conserved line by line.
 
-What an exact block has beyond this depends on the angle alone: it is added to the shear of the velocity half way, and
-the noise by which lines of different angles differ diffuses them there too. The error is of second order in the step.
+What the acceleration of an exact block has beyond this, c, depends on angle and time alone: it is a kick of the velocity
+half way through the step, in which the noise by which lines of different angles differ diffuses them too. The middle of
+X Y X is the state half way but for a stretch: angle / cosh(t/2), velocity cosh(t/2). To first order in c, such a kick is
+the exact flight between states that are displaced a little (`characteristics.displaced`): its error is a total
+derivative, (t²/24) (-c, v ∂c/∂x + ∂c/∂t) at the end less that at the begin, which cancels from step to step. So a density
+on the mesh is one of displaced states; what is left is of second order in c, and of fourth in the step to first (derived
+in docs/theory).
 """
 
 import math
@@ -39,7 +44,7 @@ from fpk_rocking.density.step.shears import (
     velocity_shear,
 )
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact, gravity_correction
+from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact
 from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
 
 
@@ -59,11 +64,12 @@ class FreeFlight:
         Gauss-Hermite nodes of the diffusion of the velocity.
     angle_remap : Remap, optional
         The shear of the angle, prepared for all cells (`angle_remap_of`); else it is prepared for those that need it.
-    critical_angle : float, optional
-        α of an exact block, whose force in `affine` is the part sin α/α of f, the mean of what turns it.
+    excess : Excess, optional
+        Of an exact block.
     """
 
-    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, critical_angle=None):
+    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, excess=None):
+        critical_angle = excess and excess.critical_angle
         sinh, shifts = flight_shears(duration)[1], affine.shifts
         self.free = free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
@@ -82,10 +88,11 @@ class FreeFlight:
         pushes = np.repeat(by_side, (middle, limit - middle))[:, None]
         angles = _line_points(space.angle_lines, points)
         velocity_shears = sinh * angles + pushes
-        if critical_angle:
-            away = np.repeat([-1.0, 1.0], (middle, limit - middle))[:, None]
-            more = force_factors(angles, critical_angle) / gravity_at_contact(critical_angle) - 1.0
-            velocity_shears += sinh * gravity_correction(angles, away, critical_angle) + 0.5 * sum(by_side) * more
+        if excess:
+            counts, stretch = (middle, limit - middle), math.cosh(0.5 * duration)
+            by_half = [excess.shifts[side] - stretch * drift[side] for side in (-1, 1)]
+            angles = stretch * angles + np.repeat(by_half, counts)[:, None]
+            velocity_shears += stretch * duration * excess(angles, np.repeat([-1.0, 1.0], counts)[:, None])
         all_cells, no_shift, one = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
 
         first = ranges_of(rows_along_angle(free, middle))
@@ -93,7 +100,7 @@ class FreeFlight:
         second = ranges_of(join_sides(mask_of(first_targets, limit)).T)
         variance, (wide, wide_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
         spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
-        if critical_angle and diffusion > 0.0 and second.any():
+        if excess and diffusion > 0.0 and second.any():
             # The least diffusion of all lines is one remap for all, and what a line lacks is part of its shear.
             parts = force_factors(angles, critical_angle) ** 2
             needed = parts[second[:, 1] > second[:, 0]]

@@ -87,7 +87,7 @@ class Characteristics:
         self.diffusion_nodes, self.affine = quadrature.diffusion, dynamics.affine(start, duration)
         self.offsets = nodes @ np.reshape(axes, (2, 2))
         self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
-        self._segment = dynamics.segment(start, duration)
+        self._segment, self.excess = dynamics.segment(start, duration), dynamics.excess(start, duration)
         margins = self._noise.margin, math.inf if to_other_mesh else float(np.abs(self.offsets[:, 1]).max())
         self.event_cells = event_cells(*source.lines, self._segment, duration, dynamics.block, margins)
         self.to_other_mesh = to_other_mesh
@@ -104,7 +104,8 @@ class Characteristics:
         new = np.argwhere(self.event_cells & cells & ~self.active)
         self.active |= cells
         self.numbers[new[:, 0], new[:, 1]] = self.numbers.max() + 1 + np.arange(len(new))
-        return trace_cells(new, self.points, self._segment, self.dynamics.block, self._noise)
+        displacement = 0.0 if self.to_other_mesh else self.duration**2 / 24.0
+        return trace_cells(new, self.points, self._segment, self.dynamics.block, self._noise, displacement)
 
 
 class Step:
@@ -159,7 +160,7 @@ class Step:
             self._scattered = paths.active & paths.event_cells
             self._flight = FreeFlight(
                 target, free, paths.affine, paths.dynamics.diffusion, paths.duration, paths.diffusion_nodes,
-                self.angle_remap, paths.dynamics.critical_angle,
+                self.angle_remap, paths.excess,
             )  # fmt: skip
         self._columns = self._split()
 

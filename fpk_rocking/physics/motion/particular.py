@@ -69,15 +69,18 @@ class AffineFlights(NamedTuple):
         return np.array([[self.cosh, self.sinh], [self.sinh, self.cosh]])
 
 
-def affine_flights(p0: float, q0: float, p1: float, q1: float, duration: float) -> AffineFlights:
-    """Return the `AffineFlights` of both sides over a duration, nondimensional.
+def affine_flights(
+    p0: float, q0: float, p1: float, q1: float, duration: float, saddle: float = 1.0
+) -> AffineFlights:
+    """Return the `AffineFlights` of both sides over a duration, nondimensional: x'' = x - s m + f, with the `saddle` m.
 
     `p0`, `q0` are P and P' at their begin, and `p1`, `q1` at their end.
     """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     shifts = np.zeros((3, 2))
     for side in (1, -1):
-        shifts[side] = side + p1 - cosh * (side + p0) - sinh * q0, q1 - sinh * (side + p0) - cosh * q0
+        balanced = side * saddle
+        shifts[side] = balanced + p1 - cosh * (balanced + p0) - sinh * q0, q1 - sinh * (balanced + p0) - cosh * q0
     return AffineFlights(cosh, sinh, shifts)
 
 
