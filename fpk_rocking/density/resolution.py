@@ -291,10 +291,8 @@ class Resolution:
 
     def _steps(self, scene, fast):
         """Return the steps a cycle, even, for a scene whose blocks usually move up to a velocity `fast`."""
-        # A slow motion meets impacts more often. What the acceleration of an exact block has beyond that of a slender
-        # one is taken half way through a step, and is of order α².
+        # A slow motion meets impacts more often.
         moving = TUNING.moving_step * math.sqrt(min(fast, 1.0))
-        moving /= 1.0 + TUNING.exact_steps * scene.block.critical_angle**2
         rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
         noisy = TUNING.noisy_step * fast**2 / scene.noise.diffusion
         period = cycle_of(scene)

@@ -102,8 +102,6 @@ class Tuning(NamedTuple):
     """The same where impacts are slow for long."""
     long_rest: float = 0.5
     """Time τ with |f| ≤ 1 from which on impacts are slow for long."""
-    exact_steps: float = 10.0
-    """Where blocks do not rest an exact block of critical angle α takes 1 + this α² times a slender one's steps."""
     noisy_step: float = 0.03
     """Longest step in which noise does not move a block by more than a quarter of its usual speed, times D / speed²."""
     steps_per_harmonic: float = 6.0
