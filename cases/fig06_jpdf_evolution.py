@@ -60,7 +60,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     """
     scene, last = load_scene("main"), max(cycles)
     for method in ("rk4", "white"):
-        precompilation.queue_for_helpers(f"montecarlo.precompilation:{method}")
+        precompilation.queue_for_helpers(f"fpk_rocking.least_runs:{method}")
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)

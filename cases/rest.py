@@ -28,7 +28,7 @@ from fpk_rocking.base import files
 from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.results import style
 from montecarlo import simulate
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, not_none
+from fpk_rocking.density.density import Density
 from fpk_rocking.density.refinement import bins_tolerance
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results.remarks import scene_diagnostics
 from fpk_rocking.results.replacement import Replacement, check_remarks, measured

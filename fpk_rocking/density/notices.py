@@ -11,10 +11,10 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.filtered_start import spread_left
+from fpk_rocking.density.filter_nodes import spread_left
 from fpk_rocking.density.refinement import Refined
 from fpk_rocking.density.resolution import Discretization, cycle_of
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.density.tuning import TUNING

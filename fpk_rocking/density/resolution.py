@@ -14,7 +14,7 @@ import numpy as np
 
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.mesh import extended_lines, graded_lines
+from fpk_rocking.density.space import extended_lines, graded_lines
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point
 from fpk_rocking.density.step.dynamics import Dynamics

@@ -20,10 +20,10 @@ from fpk_rocking.density.notices import (
     warn_beyond,
     warn_unresolved,
 )
-from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, bins_tolerance, refine
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore, in_rest, resolutions_for
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
@@ -103,8 +103,8 @@ def solve_fpk(
     solved = _with_noise_replaced(scene, noise_replacement)
     white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
     precompilation.start_helpers(
-        precompilation.task_for_block("fpk_rocking.density.precompilation:solve", scene),
-        "fpk_rocking.density.precompilation:flight",
+        precompilation.task_for_block("fpk_rocking.least_runs:density", scene),
+        "fpk_rocking.least_runs:free_flight",
     )
 
     motion = explore(white, times)

@@ -42,4 +42,4 @@ def engine_of(scene, method=None):
 
 def task_of(engine, scene):
     """Return the task of `fpk_rocking.base.precompilation` that compiles an `Engine` for a scene, as a text."""
-    return precompilation.task_for_block(f"montecarlo.precompilation:{engine.task}", scene)
+    return precompilation.task_for_block(f"fpk_rocking.least_runs:{engine.task}", scene)

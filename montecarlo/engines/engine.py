@@ -52,7 +52,7 @@ class Engine:
     method : str
         Name by which a user asks for it.
     task : str
-        Function of `montecarlo.precompilation` that compiles it.
+        Function of `fpk_rocking.least_runs` that compiles it.
     file : str
         Source file of its functions.
     takes : callable

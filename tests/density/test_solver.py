@@ -10,12 +10,10 @@ import pytest
 
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density import notices, refinement, resolution, solver
-from fpk_rocking.density.periodic import PeriodicPropagator
-from fpk_rocking.density.propagator import Solution
+from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, StateRange, explore
-from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space, velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Block, Harmonic, Pulse, Start, WhiteNoise
 

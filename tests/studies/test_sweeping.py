@@ -88,7 +88,7 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
     white = SCENE.varied(noise=WhiteNoise(0.01))
     for workers in (1, 2):
         assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
-    assert begun == [(1, ()), (2, ("montecarlo.precompilation:exact", "montecarlo.precompilation:white"))]
+    assert begun == [(1, ()), (2, ("fpk_rocking.least_runs:exact", "fpk_rocking.least_runs:white"))]
 
 
 def test_kernels_are_those_of_the_engines_that_will_run():

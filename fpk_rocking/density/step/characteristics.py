@@ -26,7 +26,7 @@ from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.threads import run_in_parts
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.cells import points_of_cell
+from fpk_rocking.density.step.dynamics import points_of_cell
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
