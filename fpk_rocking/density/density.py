@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base.basis import legendre_basis, locate
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.density.space import Space
 
 

@@ -22,8 +22,8 @@ import numpy as np
 
 from fpk_rocking.base import precompilation
 from fpk_rocking.base.basis import legendre_basis
+from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array, not_none
 from fpk_rocking.density.filter_nodes import (
     FilteredDiscretization,
     Nodes,

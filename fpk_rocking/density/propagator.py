@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, not_none
+from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.density.patches import initial_density
 from fpk_rocking.density.resolution import Discretization
 from fpk_rocking.density.space import Space, reflected

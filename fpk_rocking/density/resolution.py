@@ -22,7 +22,7 @@ from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.flight import flight_covariance
-from fpk_rocking.results.binning import centred_edges
+from fpk_rocking.results.grids import centred_edges
 
 
 def in_rest(angles, velocities):
@@ -334,3 +334,8 @@ def resolutions_for(tol, before):
     They are `before` ones, the one that usually suffices for `tol`, and all finer.
     """
     return RESOLUTIONS[USUAL[max(listed for listed in USUAL if listed <= tol)] - before :]
+
+
+def bins_tolerance(tol: float) -> float:
+    """Error (L1) in the binned density that goes with an error `tol` in survival."""
+    return math.sqrt(tol) / 3.0

@@ -6,13 +6,18 @@ import time
 import numpy as np
 
 from fpk_rocking.base import checks, precompilation
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
 from fpk_rocking.density.filtered import FilteredPropagator
-from fpk_rocking.density.notices import (
+from fpk_rocking.density.propagator import PeriodicPropagator
+from fpk_rocking.density.refinement import (
+    SOLUTIONS,
+    Level,
+    ProgressCount,
     announce,
     announce_finer,
     estimated_seconds,
+    refine,
     refuse_broken,
     refuse_large,
     refuse_slow,
@@ -20,15 +25,13 @@ from fpk_rocking.density.notices import (
     warn_beyond,
     warn_unresolved,
 )
-from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, bins_tolerance, refine
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore, in_rest, resolutions_for
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, bins_tolerance, explore, in_rest, resolutions_for
 from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
+from fpk_rocking.results.grids import result_times
 from fpk_rocking.results.remarks import describe_replacement
-from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 
 

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.density.propagator import Propagator, Snapshot
 from fpk_rocking.density.resolution import cycle_of, in_rest
 from fpk_rocking.density.space import Space

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.density.space import Space
 
 

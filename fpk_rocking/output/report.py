@@ -13,8 +13,7 @@ import pathlib
 import numpy as np
 
 from fpk_rocking.base.files import write_text
-from fpk_rocking.results.pictures import edges_of, plane_units
-from fpk_rocking.results.style import OVERTURNED, SURFACE, picture_html
+from fpk_rocking.results.pictures import OVERTURNED, SURFACE, edges_of, picture_html, plane_units
 
 __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 

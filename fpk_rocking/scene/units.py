@@ -14,7 +14,7 @@ import re
 from typing import Any, TypeVar
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing.files import UNITS as ACCELERATIONS
 from fpk_rocking.physics.forcing.files import unit_of
 

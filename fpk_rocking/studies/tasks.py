@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks, precompilation
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.scene.scene import Scene

@@ -9,7 +9,7 @@ from density_operators import affine, flight_noise, scene_of
 
 from fpk_rocking import Harmonic, solve_fpk
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.base.threads import at_most, thread_count
+from fpk_rocking.base.jit import at_most, thread_count
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.patches import Gaussian
 from fpk_rocking.density.space import Space, graded_lines

@@ -9,9 +9,8 @@ import pytest
 
 from fpk_rocking.envelopes import Table
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import block_of_scene
+from fpk_rocking.physics.motion.equation import block_of_scene, segment_from_particular
 from fpk_rocking.physics.motion.events import ImpactRecord, advance_through_events
-from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import (
     BandNoise,
     Block,

@@ -13,7 +13,7 @@ import study_tasks
 
 from fpk_rocking.base import precompilation
 from fpk_rocking.envelopes import Trapezoid
-from fpk_rocking.output import progress as progress_lines
+from fpk_rocking.output import tables as progress_lines
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
 from fpk_rocking.studies import execution, grid, sweep
 from fpk_rocking.studies.execution import run_job, seed_of

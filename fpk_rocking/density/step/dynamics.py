@@ -15,11 +15,9 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import gravity_at_contact
-from fpk_rocking.physics.motion.equation import KernelBlock, acceleration_bounds, force_factor
+from fpk_rocking.physics.motion.block import affine_flights, gravity_at_contact
+from fpk_rocking.physics.motion.equation import KernelBlock, acceleration_bounds, force_factor, segment_from_particular
 from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
-from fpk_rocking.physics.motion.particular import affine_flights
-from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise.envelope import Envelope
 
 

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
-from fpk_rocking.base.threads import run_in_parts
+from fpk_rocking.base.jit import run_in_parts
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.remap import prepare_remap, target_range
 from fpk_rocking.density.step.shears import (

@@ -11,8 +11,7 @@ import numpy as np
 
 from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.threads import run_in_parts
+from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.step.targets import FASTMATH, MOST_MODES, legendre_at
 
 

@@ -9,10 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, scratch
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import WIDTH, load, store, total
-from fpk_rocking.base.threads import run_in_parts
+from fpk_rocking.base.arrays import WIDTH, borrowed, load, scratch, store, total
+from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.tuning import TUNING
 

@@ -13,16 +13,31 @@ else goes to `events.advance_through_events`.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, scratch
-from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.base.arrays import borrowed, load, scratch, spread, store, total
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import WIDTH, load, spread, store, total
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import acceleration_scale, restitution_from, saddle
+from fpk_rocking.physics.motion.collocation_tables import (
+    COSINE,
+    INNER,
+    MONOMIALS,
+    NODES,
+    POINTS,
+    SINE,
+    TUNING,
+)
+from fpk_rocking.physics.motion.equation import (
+    acceleration_scale,
+    chord_excludes_event,
+    curvature_bounds,
+    downward_root,
+    restitution_from,
+    saddle,
+    segment_from_force,
+    value_and_slope,
+)
 from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
     Event,
@@ -32,79 +47,6 @@ from fpk_rocking.physics.motion.events import (
     rest_or_flight,
 )
 from fpk_rocking.physics.motion.impact import velocity_after_impact
-from fpk_rocking.physics.motion.segment import (
-    chord_excludes_event,
-    curvature_bounds,
-    downward_root,
-    segment_from_force,
-    value_and_slope,
-)
-from fpk_rocking.physics.tuning import TUNING
-
-NODES = WIDTH
-
-
-def _collocation():
-    """Return the points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them and 0 at others.
-
-    These are the double integrals up to the points [j, i], the coefficients [j, k] on [-1, 1], and rows by point: c,
-    the double and the single integral to 1, 1/((k + 1)(k + 2)), and ones at the first and at the last point.
-    """
-    points, weights = gauss_legendre(NODES, -1.0, 1.0)
-    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
-    twice = np.array([np.polynomial.legendre.legint(row, 2, lbnd=-1) for row in lagrange])
-    inner = 0.25 * np.polynomial.legendre.legval(points, twice.T)
-    places, order, unit = 0.5 * (1.0 + points), np.arange(NODES), np.eye(NODES)
-    monomials = np.array([np.polynomial.legendre.leg2poly(row) for row in lagrange])
-    rows = 0.5 * weights * (1.0 - places), 0.5 * weights, 1.0 / ((order + 1.0) * (order + 2.0)), unit[0], unit[-1]
-    return places, inner, monomials, np.stack([places, *rows])
-
-
-PLACES, _INNER, _MONOMIALS, _POINTS = _collocation()
-
-
-class FlightTables(NamedTuple):
-    """Tables for flights over one duration: those without force, and what it adds, by the values of it at the points.
-
-    `points` (4, NODES): cosh and sinh at the points; angle and velocity at the end by the value at a point. `inner`
-    (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at the end.
-    """
-
-    points: np.ndarray
-    inner: np.ndarray
-    cosh: float
-    sinh: float
-
-
-def flight_tables(span: float) -> FlightTables:
-    """Return the `FlightTables` of flights of the duration `span`, nondimensional."""
-    points, weights = gauss_legendre(24, -1.0, 1.0)
-    ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
-    lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
-    left = ends[:, None] * (1.0 - parts)
-    weights = 0.5 * weights * ends[:, None]
-    angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
-    velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
-    rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
-    return FlightTables(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
-
-
-def _lagrange(j, places):
-    """Polynomial that is 1 at point j of `PLACES` and 0 at the others: values (n,) at `places` (n,) of [0, 1]."""
-    others = np.delete(PLACES, j)
-    return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
-
-
-def _economized(start):
-    """Return 9 coefficients in φ² of sin φ/φ (`start` 1) or cos φ (`start` 0), right to 1e-16 for |φ| <= π/2."""
-    terms, most = 9, (0.5 * math.pi) ** 2
-    angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
-    values = np.sin(angles) / angles if start else np.cos(angles)
-    fit = np.polynomial.Chebyshev.fit(angles**2, values, terms - 1, domain=[0.0, most])
-    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
-
-
-_SINE, _COSINE = _economized(1), _economized(0)
 
 _polynomials = scratch(2, TERMS)
 
@@ -134,14 +76,14 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
     qq = q * q
     r = qq * qq
     sine = near * (
-        (_SINE[0] + q * _SINE[1])
-        + qq * (_SINE[2] + q * _SINE[3])
-        + r * ((_SINE[4] + q * _SINE[5]) + qq * (_SINE[6] + q * _SINE[7]) + r * _SINE[8])
+        (SINE[0] + q * SINE[1])
+        + qq * (SINE[2] + q * SINE[3])
+        + r * ((SINE[4] + q * SINE[5]) + qq * (SINE[6] + q * SINE[7]) + r * SINE[8])
     )
     cosine = (
-        (_COSINE[0] + q * _COSINE[1])
-        + qq * (_COSINE[2] + q * _COSINE[3])
-        + r * ((_COSINE[4] + q * _COSINE[5]) + qq * (_COSINE[6] + q * _COSINE[7]) + r * _COSINE[8])
+        (COSINE[0] + q * COSINE[1])
+        + qq * (COSINE[2] + q * COSINE[3])
+        + r * ((COSINE[4] + q * COSINE[5]) + qq * (COSINE[6] + q * COSINE[7]) + r * COSINE[8])
     )
     one, two = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
     three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
@@ -209,9 +151,9 @@ def fly_collocated(u, w, side, force, span, block, near):
         State at the end, u'' at the points, and whether the iteration has come to its end.
     """
     y, slope, square, scale = u - saddle(side, block), span * w, span * span, acceleration_scale(side, block)
-    base = y + slope * load(_POINTS, 0)
-    bend, _, found = _iterate(_INNER, square, base, False, near, force, square, block.critical_angle, scale)
-    return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
+    base = y + slope * load(POINTS, 0)
+    bend, _, found = _iterate(INNER, square, base, False, near, force, square, block.critical_angle, scale)
+    return u + slope + square * total(load(POINTS, 1) * bend), w + span * total(load(POINTS, 2) * bend), bend, found
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -220,7 +162,7 @@ def _guess(u, w, side, begin, end, span, block):
 
     `u`, `w` are the folded state at its begin; `begin` and `end` are s f at the first and the last point.
     """
-    y, slope, c = u - saddle(side, block), span * w, load(_POINTS, 0)
+    y, slope, c = u - saddle(side, block), span * w, load(POINTS, 0)
     square = acceleration_scale(side, block) * (span * span)
     bend = 0.5 * square * (y + begin)
     twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
@@ -248,7 +190,7 @@ def _expand(u, w, span, bend, scratch, angle):
     `scratch` (2, TERMS) is written to.
     """
     half = 0.5 * span
-    store(scratch, 1, (half * half) * (load(_POINTS, 3) * lanes_times_table(_MONOMIALS, bend)))
+    store(scratch, 1, (half * half) * (load(POINTS, 3) * lanes_times_table(MONOMIALS, bend)))
     low, rise = u, half * w
     for k in range(NODES):
         c = scratch[1, k]
@@ -321,8 +263,8 @@ def _flight(u, w, side, force, start, span, block):
     `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a
     `KernelBlock`.
     """
-    push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
-    near = _guess(u, w, side, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span, block)
+    push = side * _value(force, TERMS, start + span * load(POINTS, 0))
+    near = _guess(u, w, side, total(push * load(POINTS, 4)), total(push * load(POINTS, 5)), span, block)
     return fly_collocated(u, w, side, push, span, block, near)
 
 
@@ -355,14 +297,14 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `KernelBlock`. Zeros say that the impact
     is not within 1e-7 of `time`.
     """
-    places = load(_POINTS, 0)
+    places = load(POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - saddle(side, block)
     rest, speed, bend, found = fly_collocated(u, w, side, push, time, block, near)
     late = -rest / speed
     if not (found and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
         return 0.0, 0.0
-    return time + late, speed + late * total(bend * load(_POINTS, 5))
+    return time + late, speed + late * total(bend * load(POINTS, 5))
 
 
 @kernel(forceinline=True)
@@ -448,7 +390,7 @@ def advance_collocated(force, half, x, v, side, start, end, block, impacts, orig
 
     The arguments are those of `advance_from_flight`, without the flight that is known there.
     """
-    nothing = load(_POINTS, 0)
+    nothing = load(POINTS, 0)
     return advance_from_flight(
         force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow
     )
