@@ -1,8 +1,9 @@
 """Refinement: solve at finer and finer resolutions until differences show that the last solution is good enough.
 
 The same loop serves `solve_fpk`, whose solutions are densities over some cycles, and the one-cycle operator, whose
-solutions are the operator on one mesh each. Below is what a user is told meanwhile: scenes that are refused, how long a
-solution will take, and results that miss the tolerance.
+solutions are the operator on one mesh each. `estimate_errors` makes the estimates of differences; what differences do
+not tell comes with each `Level`: in `solver._level_of` what is truncated, negative probability, and rest. Below is what
+a user is told meanwhile: scenes that are refused, how long a solution will take, and results that miss the tolerance.
 """
 
 import dataclasses

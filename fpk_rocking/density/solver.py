@@ -294,7 +294,9 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
     bins = np.column_stack([bins[:, ~resting], bins[:, resting].sum(axis=1)])
     moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))[:, :, None, None]
-    negative = [space.negative_mass(np.where(moving, one, 0.0)) for one in densities[solution.resolved]]
+    negative = [
+        space.negative_mass(np.where(moving, coefficients, 0.0)) for coefficients in densities[solution.resolved]
+    ]
     rested = solution.reinjected if at_rest is None else at_rest[1:].max()
     truncated = float(np.abs(solution.outflow[:, 2]).max())
     probabilities = np.column_stack([solution.survival, 1.0 - solution.survival, solution.outflow[:, :2]])

@@ -208,10 +208,10 @@ def _film_html(film):
     `film` is what `_film` returned.
     """
     drawings = "".join(
-        f"<figure><figcaption>{html.escape(one['name'])}</figcaption>"
+        f"<figure><figcaption>{html.escape(film_of['name'])}</figcaption>"
         f"<canvas id='film{n}' width='460' height='360' role='img' aria-label=''></canvas>"
         f"<p id='said{n}'></p></figure>"
-        for n, one in enumerate(film["films"])
+        for n, film_of in enumerate(film["films"])
     )
     shades = ",".join(film["colours"][::32])
     return (

@@ -63,8 +63,8 @@ def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
     columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
     if answer.cycles is not None and answer.time_s is not None:
         columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
-    shown = {"survival": answer.survival, "overturned left": answer.left, "overturned right": answer.right}
-    for (name, values), errors in zip(shown.items(), answer.errors.T, strict=True):
+    probabilities = {"survival": answer.survival, "overturned left": answer.left, "overturned right": answer.right}
+    for (name, values), errors in zip(probabilities.items(), answer.errors.T, strict=True):
         columns[name] = [f"{value:z.5f} ± {error:.1g}" for value, error in zip(values, errors, strict=True)]
     closing = f"Seed {answer.seed}, {answer.seconds:.1f} s."
     return (

@@ -199,7 +199,7 @@ def _noise(name, table, folder):
 
 _READERS = {
     "block": _block,
-    "forcing": _of_kind(FORCINGS, Harmonic.kind, lambda cls, *given: cls.from_table(*given)),
+    "forcing": _of_kind(FORCINGS, Harmonic.kind, lambda cls, *table: cls.from_table(*table)),
     "noise": _noise,
     "start": _read(Start),
     "overturning": _read(Overturning),

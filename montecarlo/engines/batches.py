@@ -133,8 +133,8 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         if progress is not None:
             progress(first, run.realizations)
         # Batches are short enough to be interrupted and long enough to keep all threads busy.
-        wanted = size * TUNING.batch_seconds / (time.perf_counter() - began)
-        size = max(TUNING.smallest_batch, int(min(wanted, 4 * size)))
+        affordable = size * TUNING.batch_seconds / (time.perf_counter() - began)
+        size = max(TUNING.smallest_batch, int(min(affordable, 4 * size)))
 
 
 def _fill(batch, simulate):

@@ -286,9 +286,9 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
     u, w = side * x, side * v
     elapsed, start = cycle * intervals, 0.0
     for row in range(1, angle.size):
-        wanted = times[(row - 1) % times.size] + (cycle + (row - 1) // times.size) * intervals
-        while elapsed < wanted:
-            left, j, origin = wanted - elapsed, elapsed % intervals, elapsed * span
+        row_time = times[(row - 1) % times.size] + (cycle + (row - 1) // times.size) * intervals
+        while elapsed < row_time:
+            left, j, origin = row_time - elapsed, elapsed % intervals, elapsed * span
             end = min(left, 1.0) * span
             if start < end:
                 until = left * span if parameters.repeats else 0.0

@@ -1,4 +1,4 @@
-"""Steps next to x = 0 and the cut-off, by the functions themselves and without noise."""
+"""Steps next to x = 0 and the cut-off, by the functions themselves and without noise; low bounces against their law."""
 
 import math
 import types

@@ -1,4 +1,4 @@
-"""How many realizations a batch has: as many as take a given time."""
+"""How many realizations a batch has: as many as take a given time; and paths at many scales of the forcing."""
 
 import itertools
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from transient_paths import random_scene
 
-from fpk_rocking import Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene
+from fpk_rocking import Dimensions, NoNoise, Pulse, Record
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene
 from fpk_rocking.studies import scaled
 from montecarlo import histories, simulate

@@ -77,7 +77,7 @@ class FreeFlight:
             away = np.repeat([-1.0, 1.0], (middle, limit - middle))[:, None]
             more = force_factors(angles, critical_angle) / gravity_at_contact(critical_angle) - 1.0
             velocity_shears += sinh * gravity_correction(angles, away, critical_angle) + 0.5 * sum(by_side) * more
-        all_cells, no_shift, one = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
+        all_cells, no_shift, no_spread = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
 
         first = ranges_of(rows_along_angle(free, middle))
         first_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, first)
@@ -85,7 +85,7 @@ class FreeFlight:
         variance, (wide, wide_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
         spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
         if critical_angle and diffusion > 0.0 and second.any():
-            # The least diffusion of all lines is one remap for all, and what a line lacks is part of its shear.
+            # The least diffusion of all lines is no_spread remap for all, and what a line lacks is part of its shear.
             parts = force_factors(angles, critical_angle) ** 2
             needed = parts[second[:, 1] > second[:, 0]]
             least, most = needed.min(), needed.max()
@@ -94,7 +94,7 @@ class FreeFlight:
             own, own_weights = gauss_hermite(TUNING.narrow_nodes if is_narrow else nodes)
         wide = math.sqrt(variance) * wide
         sheared = target_range(space.velocity_lines, all_cells, velocity_shears, spreads, own, second)
-        diffused = target_range(space.velocity_lines, all_cells, no_shift, one, wide, sheared)
+        diffused = target_range(space.velocity_lines, all_cells, no_shift, no_spread, wide, sheared)
         third = ranges_of(rows_along_angle(mask_of(diffused, across), middle))
         third_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, third)
         degree, every = space.degree, ranges_of(mask_of(sheared, across).any(axis=0)[None])
@@ -106,7 +106,7 @@ class FreeFlight:
             space.velocity_lines, all_cells, velocity_shears, spreads, own, own_weights, degree, second
         )
         self.diffusion_remap = prepare_remap(
-            space.velocity_lines, all_cells[:1], no_shift, one, wide, wide_weights, degree, every
+            space.velocity_lines, all_cells[:1], no_shift, no_spread, wide, wide_weights, degree, every
         )
         self.first = AngleRows(balanced_order(first), first, first_targets)
         self.second = VelocityRows(balanced_order(second), second, sheared, diffused)

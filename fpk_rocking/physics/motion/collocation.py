@@ -56,10 +56,10 @@ _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 @kernel(fastmath={"contract"}, forceinline=True)
 def lanes_times_table(m, a):
     """Product (`Lanes`) of eight numbers `a`, `Lanes`, as a row, and a table `m` (NODES, NODES)."""
-    one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
-    two = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
-    three = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
-    return (one + two) + (three + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
+    first = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
+    second = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
+    third = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
+    return (first + second) + (third + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -85,17 +85,17 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
         + qq * (COSINE[2] + q * COSINE[3])
         + r * ((COSINE[4] + q * COSINE[5]) + qq * (COSINE[6] + q * COSINE[7]) + r * COSINE[8])
     )
-    one, two = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
-    three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
-    five = (-turn / 12.0) * three
+    c0, c1 = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
+    c2, c3 = (-0.5 * turn) * c0, (-turn / 6.0) * c1
+    c4 = (-turn / 12.0) * c2
     if own:
-        one, two = one - near, two - 1.0
+        c0, c1 = c0 - near, c1 - 1.0
     # Each round gains about three digits; the square of what the first is sure to gain is 1e-4.
-    lack, pull, last, ratio = base - near, one, 0.0, 1e-4
+    lack, pull, last, ratio = base - near, c0, 0.0, 1e-4
     for _ in range(12):
         off = lack + factor * lanes_times_table(table, pull)
         away = off * off
-        new = (one + off * two) + away * ((three + off * four) + away * five)
+        new = (c0 + off * c1) + away * ((c2 + off * c3) + away * c4)
         shift = new - pull
         change, pull = total(shift * shift), new
         if last > 0.0:
@@ -121,10 +121,10 @@ def fly_by_tables(u, w, side, force, tables, span, block):
     if scale != 1.0:
         fall += (1.0 - scale) * y
     near = (base - fall * (cosh - 1.0)) + scale * less * lanes_times_table(tables.inner, force)
-    pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
+    pull, angle, converged = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
     end = middle + y + total(load(tables.points, 2) * pull)
-    return end, w + total(load(tables.points, 3) * pull), pull + angle, found
+    return end, w + total(load(tables.points, 3) * pull), pull + angle, converged
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -147,13 +147,13 @@ def fly_collocated(u, w, side, force, span, block, near):
 
     Returns
     -------
-    u, w, bend, found : float, float, Lanes, bool
+    u, w, bend, converged : float, float, Lanes, bool
         State at the end, u'' at the points, and whether the iteration has come to its end.
     """
     y, slope, square, scale = u - saddle(side, block), span * w, span * span, acceleration_scale(side, block)
     base = y + slope * load(POINTS, 0)
-    bend, _, found = _iterate(INNER, square, base, False, near, force, square, block.critical_angle, scale)
-    return u + slope + square * total(load(POINTS, 1) * bend), w + span * total(load(POINTS, 2) * bend), bend, found
+    bend, _, converged = _iterate(INNER, square, base, False, near, force, square, block.critical_angle, scale)
+    return u + slope + square * total(load(POINTS, 1) * bend), w + span * total(load(POINTS, 2) * bend), bend, converged
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -300,9 +300,9 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     places = load(POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - saddle(side, block)
-    rest, speed, bend, found = fly_collocated(u, w, side, push, time, block, near)
+    rest, speed, bend, converged = fly_collocated(u, w, side, push, time, block, near)
     late = -rest / speed
-    if not (found and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
+    if not (converged and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
         return 0.0, 0.0
     return time + late, speed + late * total(bend * load(POINTS, 5))
 
@@ -327,7 +327,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
 
 @kernel
 def advance_from_flight(
-    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=CHATTER_TIME
+    force, half, x, v, side, start, end, block, impacts, origin, followed, last, speed, bend, slow=CHATTER_TIME
 ):
     """Carry an exact block through a part of an interval: as `events.advance_through_events`, with the same accuracy.
 
@@ -339,8 +339,8 @@ def advance_from_flight(
         Largest |t| for which it is used.
     x, v, side, start, end, block, impacts, origin
         As of `advance_through_events`; times are those of the polynomial.
-    known, last, speed, bend : bool, float, float, Lanes
-        Whether the flight from `start` to `end`, on over impacts, is known, and what `fly_collocated` returned of it.
+    followed, last, speed, bend : bool, float, float, Lanes
+        Whether the flight from `start` to `end`, on over impacts, has been followed, and what `fly_collocated` gave.
     slow : float
         As of `advance_through_events`.
 
@@ -349,7 +349,7 @@ def advance_from_flight(
     x, v, side, time : float, float, int, float
         As of `advance_through_events`.
     """
-    work, until, found = _polynomials(), end, True
+    work, until, converged = _polynomials(), end, True
     angle, quotient = work[0], work[1]
     while start < end:
         if side == 0:
@@ -359,15 +359,15 @@ def advance_from_flight(
         u, w, span = side * x, side * v, until - start
         time, landing = _hop(u, w, side, force, start, until, block)
         if time == 0.0:
-            if not known:
-                last, speed, bend, found = _flight(u, w, side, force, start, span, block)
-            known = False
+            if not followed:
+                last, speed, bend, converged = _flight(u, w, side, force, start, span, block)
+            followed = False
             _expand(u, w, span, bend, work, angle)
             event, place = _event(u, w, last, angle, quotient, block)
-            if found and event == Event.NONE:
+            if converged and event == Event.NONE:
                 x, v, start, until = side * last, side * speed, until, end
                 continue
-            if not found or event == Event.UNKNOWN:
+            if not converged or event == Event.UNKNOWN:
                 if span < 0.02 * half:  # no bound decides: the search for events does
                     break
                 until = start + 0.4 * span
@@ -386,9 +386,9 @@ def advance_from_flight(
 
 @kernel
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
-    """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`.
+    """Carry an exact block through a part of an interval in which no flight is followed yet.
 
-    The arguments are those of `advance_from_flight`, without the flight that is known there.
+    The arguments are those of `advance_from_flight`, without that flight, and so is what is returned.
     """
     nothing = load(POINTS, 0)
     return advance_from_flight(
