@@ -1,6 +1,6 @@
 """Targets of characteristics: the cells where they end, for each source cell in groups by target, in blocks of eight.
 
-With eight paths at once in vector registers (`base.simd`) a group's masses are scattered to the unknowns of its
+With eight paths at once in vector registers (`base.arrays`) a group's masses are scattered to the unknowns of its
 target, or a function is gathered from there; a target is written to once a group instead of once a path.
 """
 
