@@ -13,11 +13,10 @@ from hard_rows import load
 from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.threads import run_in_parts
-from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.base.jit import kernel, run_in_parts
+from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import WhiteNoise

@@ -3,7 +3,7 @@
 import numpy as np
 from density import CYCLES
 
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 
 WHITE_ERROR = 0.01  # L1 in bins of 0.1 to which the time of Monte Carlo is given
 
@@ -29,7 +29,7 @@ def draw_errors(path, figures):
         f"{CYCLES} cycles of the main scene. Lines: expected error of a sample, extrapolated (white: the density's "
         "noise; exact, rk4: band noise). Measured errors below the dotted line are drawn on it."
     )
-    with style.page(path, (10.0, 5.0), title, [note]) as figure:
+    with pictures.page(path, (10.0, 5.0), title, [note]) as figure:
         panels = figure.subplots(1, 2)
         for axes, (kind, (name, target)) in zip(panels, SHOWN.items(), strict=True):
             _errors(axes, figures, kind, target)
@@ -67,7 +67,7 @@ def _errors(axes, figures, kind, target):
         times = [row["seconds"] for row in figures[part].values()]
         axes.plot(times, errors, mark, linestyle="none", color="black", markerfacecolor="white", label=name)
     (row,) = (entry for entry in figures["equal"] if entry["target"] == target)
-    for method, colour in zip(figures["rates"], (*style.COLOURS[:3], "#66c2a5"), strict=False):
+    for method, colour in zip(figures["rates"], (*pictures.COLOURS[:3], "#66c2a5"), strict=False):
         times = np.geomspace(1e4, 1e9, 2) * figures["rates"][method]
         # The error of a sample falls with the square root of its time.
         errors = TARGETS[target] * np.sqrt(row[method] / times)
@@ -96,22 +96,24 @@ def draw_growth(path, noise, horizon, tol):
         f"The density solver is faster than paths for D from {faster.min():g} to {faster.max():g}, the one-cycle "
         f"operator faster from {pays:.0f} cycles"
     )
-    with style.page(path, (10.0, 4.8), title, [note]) as figure:
+    with pictures.page(path, (10.0, 4.8), title, [note]) as figure:
         left, right = figure.subplots(1, 2)
         left.plot(diffusions, seconds, "-", color="black")
         left.plot(diffusions[~warned], seconds[~warned], "D", color="black")
         left.plot(diffusions[warned], seconds[warned], "D", color="black", markerfacecolor="white")
-        left.plot(diffusions, sampled, "o-", color=style.COLOURS[0])
-        style.named(left, "density solver", (diffusions[-1], seconds[-1]), "black", offset=(8.0, 4.0))
-        style.named(left, "Monte Carlo", (diffusions[-1], sampled[-1]), style.COLOURS[0], offset=(8.0, -8.0))
+        left.plot(diffusions, sampled, "o-", color=pictures.COLOURS[0])
+        pictures.named(left, "density solver", (diffusions[-1], seconds[-1]), "black", offset=(8.0, 4.0))
+        pictures.named(left, "Monte Carlo", (diffusions[-1], sampled[-1]), pictures.COLOURS[0], offset=(8.0, -8.0))
         left.set(xscale="log", yscale="log", xlabel="diffusion D of the noise, nondimensional", ylabel="seconds")
         left.set_title(f"(a) {CYCLES} cycles, against the noise")
         last = steps[-1]
         right.plot([row["cycles"] for row in steps], [row["seconds"] for row in steps], "D-", color="black")
-        right.axhline(operator["seconds"], color=style.COLOURS[1])
+        right.axhline(operator["seconds"], color=pictures.COLOURS[1])
         place = last["cycles"], last["seconds"]
-        style.named(right, "density solver, cycle by cycle", place, "black", offset=(-10.0, -3.0), ha="right")
+        pictures.named(right, "density solver, cycle by cycle", place, "black", offset=(-10.0, -3.0), ha="right")
         place = last["cycles"], operator["seconds"]
-        style.named(right, "one-cycle operator, any number", place, style.COLOURS[1], offset=(0.0, -14.0), ha="right")
+        pictures.named(
+            right, "one-cycle operator, any number", place, pictures.COLOURS[1], offset=(0.0, -14.0), ha="right"
+        )
         right.set(xlabel="forcing cycles", ylabel="seconds", xlim=(0.0, None), ylim=(0.0, None))
         right.set_title("(b) D = 0.00628, against the horizon")

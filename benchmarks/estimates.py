@@ -15,9 +15,9 @@ import numpy as np
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density.periodic import PeriodicPropagator
+from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate

@@ -17,7 +17,7 @@ from skfem import BilinearForm, FacetBasis, asm
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 
 
 @BilinearForm

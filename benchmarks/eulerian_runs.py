@@ -10,8 +10,7 @@ from report import ROOT
 
 from fpk_rocking import load_scene
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.space.mesh import graded_lines
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling as distances
 
@@ -47,7 +46,7 @@ class Run:
     Parameters
     ----------
     row : Row
-    start : fpk_rocking.density.space.density.Density
+    start : fpk_rocking.density.density.Density
         Where it begins, at the end of a cycle; its mesh has the same extents.
     """
 

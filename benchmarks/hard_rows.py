@@ -9,7 +9,7 @@ from report import ROOT
 
 from fpk_rocking import load_scene
 from fpk_rocking.base import files
-from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import tally
 

@@ -10,8 +10,7 @@ import numpy as np
 from report import ROOT, medians, table, write_section
 
 from fpk_rocking import load_scene
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.threads import run_in_parts
+from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import Start
 from montecarlo import simulate

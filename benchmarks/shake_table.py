@@ -25,8 +25,7 @@ from report import DATA, table, write_section
 
 from fpk_rocking import Record
 from fpk_rocking.base.files import write_json
-from fpk_rocking.results.pictures import reliability_panel
-from fpk_rocking.results.style import COLOURS, drawing
+from fpk_rocking.results.pictures import COLOURS, drawing, reliability_panel
 from fpk_rocking.studies.block_outcomes import block_scenes, outcomes_of
 from fpk_rocking.studies.calibration import PRIOR, Calibration, calibrated, drawn_names
 

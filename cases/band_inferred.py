@@ -39,8 +39,8 @@ from scipy import stats
 from fpk_rocking import BandNoise, load_scene, melnikov
 from fpk_rocking.base import files
 from fpk_rocking.output import tables
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from montecarlo import correlation_dimension, restarted_poincare_map, simulate
 
 BANDS = (5.0, 6.0, 7.0, 8.0, 9.0, 9.5, 10.0, 10.5, 11.0, 12.0, 13.0, 14.0, 16.0, 20.0)
@@ -213,7 +213,7 @@ def draw(path, values):
         "lower than drawn."
     )
     title = f"Noise bands [0, b] meet what the paper shows with {inferred}; the likeliest b is {joint['best']:g}"
-    with style.page(path, (10.5, 8.2), title, [note]) as figure:
+    with pictures.page(path, (10.5, 8.2), title, [note]) as figure:
         panels = figure.subplots(2, 3, sharex=True).ravel()
         for name, axes in zip((*HINTS[1:], "all"), panels, strict=True):
             _likelihood(axes, name, rows, ends, joint)
@@ -240,16 +240,16 @@ def _likelihood(axes, name, rows, ends, joint):
         logs = np.array(joint["log_likelihood"])
         less, drawn = logs - logs.max(), np.array(ends)
         visible = less > -_SHOWN
-        axes.plot(drawn[visible], less[visible], "o-", color=style.COLOURS[1], markersize=4)
+        axes.plot(drawn[visible], less[visible], "o-", color=pictures.COLOURS[1], markersize=4)
         axes.plot(
-            drawn[~visible], np.full(np.count_nonzero(~visible), -_SHOWN), "v", color=style.COLOURS[1], markersize=6
+            drawn[~visible], np.full(np.count_nonzero(~visible), -_SHOWN), "v", color=pictures.COLOURS[1], markersize=6
         )
         axes.axhline(-WITHIN, color="black", linewidth=0.8, linestyle="--")
         axes.set(title="Figs. 3 to 9 together:\nlikelihood, over its largest", ylim=(-_SHOWN - 0.6, 0.6))
         axes.set_ylabel("natural logarithm of the ratio")
         return
     chances = [row["likelihood"][name] for row in rows]
-    axes.plot(ends, chances, "o-", color=style.COLOURS[0], markersize=4)
+    axes.plot(ends, chances, "o-", color=pictures.COLOURS[0], markersize=4)
     if name == "Fig. 5(b)":
         axes.set(title=_TITLES[name], ylim=(0.0, 1.25 * max(chances)))
     else:

@@ -29,7 +29,7 @@ from command import command
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import simulate
 
 AMPLITUDES = tuple(np.round(np.arange(2.5, 4.8, 0.005), 4).tolist())
@@ -162,7 +162,7 @@ def _draw(path, scene, points, values):
     title = (
         f"Without noise the symmetric orbit is stable up to A = {stable:.2f}; the attractor ends at A = {crisis:.2f}"
     )
-    with style.page(path, (12.0, 9.0), title, [note]) as figure:
+    with pictures.page(path, (12.0, 9.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["growing", "growing", "beyond"], list(points)])
         _diagram(panels["growing"], scene, points["growing amplitude"], values, markersize=1.2)
         title = f"(a) Growing amplitude, Ω = {scene.forcing.frequency:g}, e = {scene.block.restitution:g}"
@@ -179,10 +179,10 @@ def _diagram(axes, scene, attractors, values, markersize):
     """Draw Poincaré velocities of attractors, one list of points (n, 2) an amplitude, and the symmetric orbits."""
     amplitudes = np.array(values["amplitudes"])
     places, velocity = np.repeat(amplitudes, [len(points) for points in attractors]), np.concatenate(attractors)[:, 1]
-    axes.plot(places, velocity, ".", markersize=markersize, color=style.COLOURS[0], rasterized=True)
+    axes.plot(places, velocity, ".", markersize=markersize, color=pictures.COLOURS[0], rasterized=True)
     for line, orbit in zip(("-", "--"), _symmetric(scene, amplitudes), strict=True):
         axes.plot(amplitudes, orbit, line, color="black", linewidth=1.2)
-    axes.axvline(np.mean(values["crisis"]), color=style.OVERTURNED, linewidth=1.0)
+    axes.axvline(np.mean(values["crisis"]), color=pictures.OVERTURNED, linewidth=1.0)
     axes.set(xlabel=_AMPLITUDE, ylabel=motion.VELOCITY)
 
 
@@ -203,9 +203,9 @@ def _orbits_named(axes, scene, values):
         if places.size:
             point = amplitudes[places[0]], orbit[places[0]]
             offset = (0.0, 8.0) if name == "stable" else (60.0, 14.0)
-            style.named(axes, f"symmetric orbit, {name}", point, "black", offset)
+            pictures.named(axes, f"symmetric orbit, {name}", point, "black", offset)
     foot = np.mean(values["crisis"]), -0.35
-    style.named(axes, "boundary crisis", foot, style.OVERTURNED, offset=(5.0, 0.0), rotation=90)
+    pictures.named(axes, "boundary crisis", foot, pictures.OVERTURNED, offset=(5.0, 0.0), rotation=90)
 
 
 def _beyond(axes, values):
@@ -213,7 +213,7 @@ def _beyond(axes, values):
     lifetimes = [row for row in values["beyond"] if row["overturned"]]
     end = values["crisis"][1]
     columns = ([row[name] for row in lifetimes] for name in ("cycles", "interval"))
-    style.error_bars(axes, [row["amplitude"] - end for row in lifetimes], *columns, color=style.COLOURS[0])
+    pictures.error_bars(axes, [row["amplitude"] - end for row in lifetimes], *columns, color=pictures.COLOURS[0])
     axes.set(xscale="log", yscale="log", xlabel=f"A - {end:.4f}, nondimensional", ylabel="mean number of cycles")
     axes.set_xticks(BEYOND, [f"{distance:g}" for distance in BEYOND])
     axes.tick_params(axis="x", which="minor", labelbottom=False)

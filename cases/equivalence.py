@@ -33,9 +33,9 @@ from command import command
 
 from fpk_rocking import BandNoise, WhiteNoise, load_scene, solve_fpk
 from fpk_rocking.base import files
-from fpk_rocking.output.progress import reporting
+from fpk_rocking.output.tables import reporting
 from fpk_rocking.physics.noise import equivalence
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import simulate
 
 RESTITUTIONS = (0.5, 0.7)
@@ -185,7 +185,7 @@ def draw(path, values):
             "white noise less density."
         ),
     ]
-    with style.page(path, (13.0, 9.4), title, notes) as figure:
+    with pictures.page(path, (13.0, 9.4), title, notes) as figure:
         panels = figure.subplot_mosaic([["variance", "excess"], ["budget", "budget"]], height_ratios=(1.0, 0.85))
         _against_relative_variance(panels["variance"], values)
         _against_spread(panels["excess"], values)
@@ -199,7 +199,7 @@ def _against_relative_variance(axes, findings):
     ):
         here = [row for row in findings["noises"] if row["restitution"] == e]
         errors = [worst(np.subtract(row["sampled"][-1], row["density"])) for row in here]
-        look = {"color": style.COLOURS[k], "markerfacecolor": "none", "markersize": 6}
+        look = {"color": pictures.COLOURS[k], "markerfacecolor": "none", "markersize": 6}
         axes.plot([row["relative_variance"] for row in here], errors, mark, label=f"e = {e:g}", **look)
     axes.axvspan(GOOD_VARIANCE, 1.02, color="#dddddd", zorder=0)
     axes.axhline(0.0, color="black", linewidth=0.8)
@@ -215,7 +215,7 @@ def _against_relative_variance(axes, findings):
 
 def _against_spread(axes, findings):
     """Draw what N harmonics differ by from the density, less what the most harmonics differ by."""
-    shades = style.shades(len(findings["harmonics"]))
+    shades = pictures.shades(len(findings["harmonics"]))
     for k, (count, colour) in enumerate(zip(findings["harmonics"][:-1], shades, strict=False)):
         excess = [worst(np.subtract(row["sampled"][k], row["sampled"][-1])) for row in findings["noises"]]
         axes.plot([row["spread"][k] for row in findings["noises"]], excess, ".", color=colour, label=f"N = {count}")
@@ -231,7 +231,7 @@ def _against_spread(axes, findings):
 def _budget(axes, budgeted):
     """Draw the parts of the difference, see `budget`, at each of `CYCLES`."""
     places, height = np.arange(len(PARTS)), 0.8 / len(CYCLES)
-    for k, (cycle, colour) in enumerate(zip(CYCLES, style.shades(len(CYCLES)), strict=True)):
+    for k, (cycle, colour) in enumerate(zip(CYCLES, pictures.shades(len(CYCLES)), strict=True)):
         axes.barh(places + height * (k - 1.5), [budgeted[name][k] for name in PARTS], 0.9 * height, color=colour,
                   label=f"after {cycle} cycles")  # fmt: skip
     axes.set_axisbelow(True)

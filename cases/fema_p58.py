@@ -22,8 +22,8 @@ from command import command
 from fpk_rocking import Block, Dimensions, NoNoise, Scene
 from fpk_rocking.base import files
 from fpk_rocking.base.files import plain
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.risk import IntensityCurve, at_intensity
 from fpk_rocking.studies import fragility, synthetic_records
 
@@ -110,18 +110,18 @@ def draw(path, values):
         f"FEMA P-58 knows no effect of size; a rigid block of R = {high:.2g} m stands {rise:.1f} times the PGV of one "
         f"of {low:.2g} m"
     )
-    with style.page(path, (11.0, 5.4), title, [note]) as figure:
+    with pictures.page(path, (11.0, 5.4), title, [note]) as figure:
         left, right = figure.subplots(1, 2)
         ours, limits = [block["median"] for block in same], [block["interval"] for block in same]
-        style.error_bars(left, values["published"], ours, limits, color=style.COLOURS[0], label="the nine sizes")
+        pictures.error_bars(left, values["published"], ours, limits, color=pictures.COLOURS[0], label="the nine sizes")
         span = np.array([0.2, 4.0])
         left.plot(span, span, color="black", linewidth=0.8, label="equal")
         left.set(title="(a) Median PGV of overturning", xlabel="FEMA P-58, m/s", ylabel="rigid block, m/s")
         radii = [0.5 * math.hypot(block["width"], block["height"]) for block in same]
         theirs = [seconds_of(block, median) for block, median in zip(same, values["published"], strict=True)]
         right.plot(radii, theirs, "s", color="black", markersize=5.0, label="FEMA P-58")
-        _sizes(right, same, style.COLOURS[0], "the nine sizes", "o")
-        for slender, colour, marker in zip(SLENDER, style.COLOURS[1:], "D^", strict=False):
+        _sizes(right, same, pictures.COLOURS[0], "the nine sizes", "o")
+        for slender, colour, marker in zip(SLENDER, pictures.COLOURS[1:], "D^", strict=False):
             rows = [block for block in others if math.isclose(block["height"] / block["width"], slender, rel_tol=1e-9)]
             _sizes(right, rows, colour, f"height over width {slender:g}", marker, line="-")
         right.set(
@@ -149,7 +149,7 @@ def _sizes(axes, rows, colour, label, marker, line="none"):
     radii = [0.5 * math.hypot(block["width"], block["height"]) for block in rows]
     middle = [float(seconds_of(block, block["median"])) for block in rows]
     limits = [seconds_of(block, block["interval"]) for block in rows]
-    style.error_bars(axes, radii, middle, limits, color=colour, marker=marker, label=label, linestyle=line)
+    pictures.error_bars(axes, radii, middle, limits, color=colour, marker=marker, label=label, linestyle=line)
 
 
 def report(values):

@@ -29,7 +29,7 @@ from scipy.integrate import quad
 
 from fpk_rocking import melnikov
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 
 CUTOFF = math.pi / 2
 INSIDE = (0.1, 0.2, 0.3, 0.4)
@@ -100,7 +100,7 @@ def free_orbit(energy, count=200):
 def draw(path, values):
     """Draw what the JSON file holds, and the curves in closed form."""
     title = "Paper Fig. 2: free blocks rock inside the heteroclinic orbits and overturn outside"
-    with style.page(path, (10.5, 8.4), title) as figure:
+    with pictures.page(path, (10.5, 8.4), title) as figure:
         (well, portrait), (orbit, transform) = figure.subplots(2, 2)
         _well(well)
         _portrait(portrait, values["restitution"])
@@ -111,12 +111,12 @@ def draw(path, values):
 def _well(axes):
     """Draw the potential, saddles and cut-off."""
     x = np.linspace(-1.75, 1.75, 701)
-    axes.plot(x, potential(x), color=style.COLOURS[0])
+    axes.plot(x, potential(x), color=pictures.COLOURS[0])
     axes.plot([-1.0, 1.0], [0.5, 0.5], "o", color="black", markersize=5)
     axes.annotate("saddle", (1.0, 0.5), xytext=(0, 7), textcoords="offset points", ha="center")
     axes.annotate("rest", (0.0, 0.0), xytext=(0, -14), textcoords="offset points", ha="center")
     _cutoff(axes, -0.08, 0.55)
-    axes.text(CUTOFF - 0.03, 0.02, "cut-off π/2", rotation=90, ha="right", color=style.OVERTURNED)
+    axes.text(CUTOFF - 0.03, 0.02, "cut-off π/2", rotation=90, ha="right", color=pictures.OVERTURNED)
     axes.set(title="(a) Potential |Θ| - Θ²/2", xlabel=motion.ANGLE, ylabel="energy, nondimensional", ylim=(-0.08, 0.62))
 
 
@@ -133,17 +133,17 @@ def _portrait(axes, restitution):
                 axes.plot(-side * x, side * v, "--", color="#999999", linewidth=1.0)
     x = np.array([-CUTOFF, 0.0, CUTOFF])
     for side in (1.0, -1.0):
-        axes.plot(side * x, side * (1.0 - np.abs(x)), color=style.COLOURS[0], linewidth=2.4)
-        axes.annotate("", (side * 0.62, side * 0.38), (side * 0.5, side * 0.5), arrowprops=_arrow(style.COLOURS[0]))
-    axes.plot([], [], color=style.COLOURS[0], linewidth=2.4, label="heteroclinic, e = 1")
+        axes.plot(side * x, side * (1.0 - np.abs(x)), color=pictures.COLOURS[0], linewidth=2.4)
+        axes.annotate("", (side * 0.62, side * 0.38), (side * 0.5, side * 0.5), arrowprops=_arrow(pictures.COLOURS[0]))
+    axes.plot([], [], color=pictures.COLOURS[0], linewidth=2.4, label="heteroclinic, e = 1")
     speed, side = 0.97, 1.0
     for _ in range(IMPACTS):
         u, w = free_orbit(0.5 * speed**2)
-        axes.plot(side * u, side * w, color=style.COLOURS[1])
+        axes.plot(side * u, side * w, color=pictures.COLOURS[1])
         # The flight arrives at x = 0 as fast as it left.
-        axes.plot([0.0, 0.0], [-side * speed, -side * restitution * speed], ":", color=style.COLOURS[1])
+        axes.plot([0.0, 0.0], [-side * speed, -side * restitution * speed], ":", color=pictures.COLOURS[1])
         speed, side = restitution * speed, -side
-    axes.plot([], [], color=style.COLOURS[1], label=f"e = {restitution:g}, dotted: impacts")
+    axes.plot([], [], color=pictures.COLOURS[1], label=f"e = {restitution:g}, dotted: impacts")
     axes.plot([-1.0, 0.0, 1.0], [0.0, 0.0, 0.0], "o", color="black", markersize=5, zorder=3)
     _cutoff(axes, -1.5, 1.4)
     axes.set(
@@ -160,10 +160,10 @@ def _orbit(axes):
     """Draw angle and velocity of the heteroclinic orbit."""
     time = np.linspace(-6.0, 6.0, 601)
     for values, colour, label, line in zip(
-        melnikov.heteroclinic_orbit(time), style.COLOURS, ("angle Θ", "velocity dΘ/dτ"), ("-", "--"), strict=False
+        melnikov.heteroclinic_orbit(time), pictures.COLOURS, ("angle Θ", "velocity dΘ/dτ"), ("-", "--"), strict=False
     ):
         axes.plot(time, values, line, color=colour)
-        style.named(
+        pictures.named(
             axes, label, (time[-1], values[-1]), colour, offset=(-4.0, -14.0 if values[-1] > 0.5 else 14.0), ha="right"
         )
     axes.set(title="(c) Heteroclinic orbit from left to right; impact at τ = 0")
@@ -173,8 +173,8 @@ def _orbit(axes):
 def _transform(axes, frequencies, work):
     """Draw the transform of the velocity, and the values of the quadrature at some frequencies."""
     omega = np.linspace(0.0, 8.0, 401)
-    axes.plot(omega, melnikov.transfer(omega), color=style.COLOURS[0], label="2/(1 + ω²), paper (16)")
-    points = {"color": style.COLOURS[1], "markerfacecolor": "white", "label": "quadrature over the orbit"}
+    axes.plot(omega, melnikov.transfer(omega), color=pictures.COLOURS[0], label="2/(1 + ω²), paper (16)")
+    points = {"color": pictures.COLOURS[1], "markerfacecolor": "white", "label": "quadrature over the orbit"}
     axes.plot(frequencies, work, "o", **points)
     axes.set(title="(d) Transform of the velocity on the orbit", ylim=(0.0, None))
     axes.set(xlabel="frequency ω, nondimensional", ylabel="work of cos ωτ, nondimensional")
@@ -183,7 +183,7 @@ def _transform(axes, frequencies, work):
 
 def _cutoff(axes, low, high):
     """Draw the cut-offs as vertical lines between two heights."""
-    axes.vlines([-CUTOFF, CUTOFF], low, high, color=style.OVERTURNED, linewidth=0.9, linestyle="--")
+    axes.vlines([-CUTOFF, CUTOFF], low, high, color=pictures.OVERTURNED, linewidth=0.9, linestyle="--")
 
 
 def _arrow(colour):

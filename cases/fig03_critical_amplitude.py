@@ -27,7 +27,7 @@ from command import command
 
 from fpk_rocking import BandNoise, NoNoise, load_scene, melnikov
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 PAPER = 0.5
@@ -99,7 +99,7 @@ def draw(path, values):
         f"crossing: of the manifolds of the saddles. e: restitution. Noise band [{noise.band[0]:g}, "
         f"{noise.band[1]:g}], which is inferred."
     )
-    with style.page(path, (10.5, 9.0), title, [note]) as figure:
+    with pictures.page(path, (10.5, 9.0), title, [note]) as figure:
         (paper, others), (ratio, noisy) = figure.subplots(2, 2)
         _paper(paper, omega, noise)
         _others(others, omega, noise)
@@ -111,31 +111,31 @@ def _paper(axes, omega, noise):
     """Draw the criteria against the frequencies (n,), without noise and with it, at the restitution `PAPER`."""
     still, noisy = "no noise", f"σ² = {noise.variance:g}"
     for criterion, colour, name in (
-        ("peak", style.COLOURS[0], "(14)"),
-        ("mean square", style.COLOURS[1], "mean square"),
+        ("peak", pictures.COLOURS[0], "(14)"),
+        ("mean square", pictures.COLOURS[1], "mean square"),
     ):
         for curve_noise, line, label in ((NoNoise(), "-", still), (noise, "--", noisy)):
             amplitude = melnikov.critical_amplitude(omega, PAPER, curve_noise, criterion)
             width = 2.2 if criterion == "peak" else 1.0
             axes.plot(omega, amplitude, line, color=colour, linewidth=width)
             last = np.flatnonzero(amplitude < _HIGHEST)[-1]
-            style.named(axes, f"{name}, {label}", (omega[last], amplitude[last]), colour, fontsize=9)
+            pictures.named(axes, f"{name}, {label}", (omega[last], amplitude[last]), colour, fontsize=9)
     exact = melnikov.exact_critical_amplitude(omega, PAPER)
     axes.plot(omega, exact, color="black", linestyle="-.", linewidth=1.0)
-    style.named(axes, "exact crossing, no noise", (omega[-1], exact[-1]), "black", offset=(5.0, -5.0), fontsize=9)
+    pictures.named(axes, "exact crossing, no noise", (omega[-1], exact[-1]), "black", offset=(5.0, -5.0), fontsize=9)
     axes.set(title=f"(a) The paper's figure, e = {PAPER:g}; thin lines: ours", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
     axes.set(ylim=(-0.1, 8.0), xlim=(-0.25, 9.4), xticks=range(7))
 
 
 def _others(axes, omega, noise):
     """Draw criterion (14) against the frequencies (n,) for all restitutions."""
-    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+    for e, colour in zip(RESTITUTIONS, pictures.shades(len(RESTITUTIONS)), strict=True):
         still = melnikov.critical_amplitude(omega, e, NoNoise())
         axes.plot(omega, still, color=colour)
         noisy = melnikov.critical_amplitude(omega, e, noise)
         axes.plot(omega, np.where(noisy > 0.0, noisy, np.nan), "--", color=colour)
         last = np.flatnonzero(still < _HIGHEST)[-1]
-        style.named(axes, f"e = {e:g}", (omega[last], still[last]), colour)
+        pictures.named(axes, f"e = {e:g}", (omega[last], still[last]), colour)
     axes.plot([], [], color="#555555", label="no noise")
     axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}; 0 for e = 0.7 and 0.9")
     axes.set(title="(b) Criterion (14) for other restitutions", xlabel=_FREQUENCY, ylabel=_AMPLITUDE)
@@ -145,11 +145,11 @@ def _others(axes, omega, noise):
 
 def _ratio(axes, omega):
     """Draw criterion (14) without noise over the exact amplitude, against the frequencies (n,)."""
-    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+    for e, colour in zip(RESTITUTIONS, pictures.shades(len(RESTITUTIONS)), strict=True):
         amplitude = melnikov.critical_amplitude(omega, e, NoNoise())
         ratio = amplitude / melnikov.exact_critical_amplitude(omega, e)
         axes.plot(omega, ratio, color=colour)
-        style.named(axes, f"e = {e:g}", (omega[-1], ratio[-1]), colour)
+        pictures.named(axes, f"e = {e:g}", (omega[-1], ratio[-1]), colour)
     axes.axhline(1.0, color="black", linewidth=0.8)
     axes.set(title="(c) (14) over the exact amplitude, without noise", xlabel=_FREQUENCY, ylabel="ratio of amplitudes")
     axes.set(xlim=(-0.25, 6.9))
@@ -158,12 +158,12 @@ def _ratio(axes, omega):
 def _noisy(axes):
     """Draw criterion (14) against the variance of the noise, by band."""
     variance, lines = np.linspace(0.0, 1.0, POINTS), (":", "-", "--")
-    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+    for e, colour in zip(RESTITUTIONS, pictures.shades(len(RESTITUTIONS)), strict=True):
         for high, line in zip(BANDS, lines, strict=True):
             noises = [BandNoise(strength, (0.0, high), 100) for strength in variance]
             amplitude = melnikov.critical_amplitude(4.0, e, noises)
             axes.plot(variance, _until_zero(amplitude), line, color=colour)
-        style.named(axes, f"e = {e:g}", (0.0, amplitude[0]), colour, offset=(-5.0, -3.0), ha="right")
+        pictures.named(axes, f"e = {e:g}", (0.0, amplitude[0]), colour, offset=(-5.0, -3.0), ha="right")
     for high, line in zip(BANDS, lines, strict=True):
         axes.plot([], [], line, color="#555555", label=f"band [0, {high:g}]")
     axes.set(title="(d) Criterion (14) at Ω = 4 against the noise", xlabel="variance of the noise σ², nondimensional")

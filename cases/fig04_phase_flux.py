@@ -31,7 +31,7 @@ from fig03_critical_amplitude import noise_of
 
 from fpk_rocking import BandNoise, Harmonic, NoNoise, melnikov
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 
 FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
@@ -123,7 +123,7 @@ def draw(path, values):
         "A, Ω: amplitude and frequency of the forcing (vertical lines: 4). e: restitution. σ²: variance of the noise"
     )
     notes = [f"{symbols}, band [{noise.band[0]:g}, {noise.band[1]:g}]."]
-    with style.page(path, (10.5, 11.2), title, notes) as figure:
+    with pictures.page(path, (10.5, 11.2), title, notes) as figure:
         rows = [["process", "process"], ["amplitude", "frequency"], ["restitution", "variance"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.8, 1.0, 1.0))
         _process(panels["process"], noise, values["seed"])
@@ -138,9 +138,11 @@ def _process(axes, noise, seed):
     e = 0.5
     time = np.linspace(0.0, SHOWN_CYCLES * FORCING.period, 1500)
     process = melnikov.sampled_process(FORCING, e, noise, time, *drawn(noise, 1, seed))[0]
-    axes.plot(time, melnikov.process_mean(FORCING, e, time), "--", color=style.COLOURS[0], label="mean, that is σ² = 0")
-    axes.plot(time, process, color=style.COLOURS[1], label=f"one realization, σ² = {noise.variance:g}")
-    part = {"color": style.COLOURS[1], "alpha": 0.3, "linewidth": 0.0, "label": "positive part"}
+    axes.plot(
+        time, melnikov.process_mean(FORCING, e, time), "--", color=pictures.COLOURS[0], label="mean, that is σ² = 0"
+    )
+    axes.plot(time, process, color=pictures.COLOURS[1], label=f"one realization, σ² = {noise.variance:g}")
+    part = {"color": pictures.COLOURS[1], "alpha": 0.3, "linewidth": 0.0, "label": "positive part"}
     axes.fill_between(time, 0.0, np.maximum(process, 0.0), **part)
     axes.axhline(0.0, color="black", linewidth=0.8)
     axes.set(title=f"(a) Melnikov process at A = 4, Ω = 4, e = {e:g}", xlabel="time offset τ₀, nondimensional")
@@ -155,13 +157,13 @@ def _sweep(axes, swept, place, noise, name):
     forcing = [FORCING.amplitude, FORCING.frequency]
     axes.axvline(forcing[place], color="#999999", linewidth=0.8)
     forcing[place] = swept
-    for e, colour in zip(RESTITUTIONS, style.shades(len(RESTITUTIONS)), strict=True):
+    for e, colour in zip(RESTITUTIONS, pictures.shades(len(RESTITUTIONS)), strict=True):
         still, noisy = (melnikov.phase_flux(tuple(forcing), e, curve_noise) for curve_noise in (NoNoise(), noise))
         axes.plot(swept, still, color=colour)
         axes.plot(swept, noisy, "--", color=colour)
         # Over the frequency only the curves with noise reach the end. A line of the grid passes through the last name.
         end, free = (noisy if place else still)[-1], {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
-        style.named(axes, f"e = {e:g}", (swept[-1], end), colour, fontsize=9, bbox=free)
+        pictures.named(axes, f"e = {e:g}", (swept[-1], end), colour, fontsize=9, bbox=free)
     axes.plot([], [], color="#555555", label="no noise")
     axes.plot([], [], "--", color="#555555", label=f"σ² = {noise.variance:g}")
     fixed = f"A = {FORCING.amplitude:g}" if place else f"Ω = {FORCING.frequency:g}"
@@ -186,7 +188,7 @@ def _restitution(axes, noise, values):
         (melnikov.phase_flux_as_printed(FORCING, e, noise, 18), ":", 3, "paper (18) as printed"),
     )
     for flux, line, colour, label in curves:
-        axes.plot(e, flux, line, color=style.COLOURS[colour], label=label)
+        axes.plot(e, flux, line, color=pictures.COLOURS[colour], label=label)
     points = {"marker": "o", "linestyle": "none", "markerfacecolor": "white", "markersize": 5.0, "color": "black"}
     for row, label in zip(values["sampled"], ("Monte Carlo of the expectation", None), strict=True):
         axes.plot(RESTITUTIONS, row, label=label, **points)
@@ -202,12 +204,12 @@ def _restitution(axes, noise, values):
 def _variance(axes):
     """Draw the flux against the variance of the noise, by band."""
     variance, lines = np.linspace(0.0, 0.4, POINTS), (":", "-", "--")
-    for e, colour in zip(SHOWN, style.COLOURS, strict=False):
+    for e, colour in zip(SHOWN, pictures.COLOURS, strict=False):
         for high, line in zip(BANDS, lines, strict=True):
             flux = melnikov.phase_flux(FORCING, e, [BandNoise(strength, (0.0, high), 100) for strength in variance])
             axes.plot(variance, flux, line, color=colour)
             text = f"e = {e:g}, band [0, {high:g}]"
-            style.named(axes, text, (variance[-1], flux[-1]), colour, fontsize=9)
+            pictures.named(axes, text, (variance[-1], flux[-1]), colour, fontsize=9)
     axes.set(title="(e) Against the noise, A = 4, Ω = 4", xlabel="variance of the noise σ², nondimensional")
     axes.set(ylabel=_FLUX, ylim=(0.0, None), xlim=(-0.02, 0.63), xticks=(0.0, 0.1, 0.2, 0.3, 0.4))
 

@@ -22,7 +22,7 @@ from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import histories, simulate
 
@@ -110,7 +110,7 @@ def _draw(path, quiet, paths, chosen, ensembles, values):
     title = (
         f"Paper Fig. 5: periodic without noise; with it the block turns chaotic and overturns after {after:.0f} cycles"
     )
-    with style.page(path, (10.5, 9.2), title, notes) as figure:
+    with pictures.page(path, (10.5, 9.2), title, notes) as figure:
         rows = [["periodic", "periodic"], ["noisy", "noisy"], ["points", "standing"]]
         panels = figure.subplot_mosaic(rows, height_ratios=(0.5, 0.5, 1.0))
         band = f"[{noise.band[0]:g}, {noise.band[1]:g}]"
@@ -130,26 +130,28 @@ def _points(axes, periodic, paths, chosen):
     """Draw the Poincaré points of the periodic history and of the chosen path."""
     cutoff = paths.scene.overturning.angle
     angle, velocity = (states[chosen] for states in paths.poincare())
-    axes.plot(angle, velocity, "o", markersize=3.5, markerfacecolor="white", color=style.COLOURS[1], label="(b) noise")
+    axes.plot(
+        angle, velocity, "o", markersize=3.5, markerfacecolor="white", color=pictures.COLOURS[1], label="(b) noise"
+    )
     angle, velocity = (states[0, SETTLED:] for states in periodic.poincare())
-    axes.plot(angle, velocity, "D", markersize=6, color=style.COLOURS[0], label="(a) no noise: two points")
+    axes.plot(angle, velocity, "D", markersize=6, color=pictures.COLOURS[0], label="(a) no noise: two points")
     last = np.flatnonzero(np.isfinite(paths.angle[chosen]))
     end = slice(int(last[-1]) - 20, None)
-    axes.plot(paths.angle[chosen, end], paths.velocity[chosen, end], color=style.OVERTURNED, linewidth=1.0,
+    axes.plot(paths.angle[chosen, end], paths.velocity[chosen, end], color=pictures.OVERTURNED, linewidth=1.0,
               label="(b) its last motion")  # fmt: skip
-    axes.axvline(cutoff, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
+    axes.axvline(cutoff, color=pictures.OVERTURNED, linewidth=0.8, linestyle="--")
     axes.set(title="(c) Poincaré points of (a) and (b)", xlabel=motion.ANGLE, ylabel=motion.VELOCITY)
     axes.legend(fontsize=9, markerscale=1.2, loc="upper left")
 
 
 def _standing(axes, ensembles):
     """Draw survival of ensembles, by the end of their band."""
-    for (band, ensemble), colour in zip(ensembles.items(), style.shades(len(BANDS)), strict=True):
+    for (band, ensemble), colour in zip(ensembles.items(), pictures.shades(len(BANDS)), strict=True):
         axes.plot(ensemble.survival, color=colour)
         places = np.arange(0, ensemble.cycles + 1, 50)
         limits = ensemble.survival_interval()[places]
-        style.error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
-        style.named(axes, f"[0, {band:g}]", (ensemble.cycles, ensemble.survival[-1]), colour)
+        pictures.error_bars(axes, places, ensemble.survival[places], limits, color=colour, markersize=3.0)
+        pictures.named(axes, f"[0, {band:g}]", (ensemble.cycles, ensemble.survival[-1]), colour)
     axes.axvline(LATE, color="black", linewidth=0.8)
     axes.annotate(f"{LATE} cycles", (LATE, 0.02), xytext=(4, 0), textcoords="offset points", va="bottom")
     axes.set(ylim=(0.0, 1.05), xlim=(0.0, 1.13 * ensemble.cycles))

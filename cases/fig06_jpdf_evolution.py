@@ -29,8 +29,8 @@ from opengl import probe_rendering
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.base import files, precompilation
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, densities, tables, vtk
-from fpk_rocking.output.progress import reporting
+from fpk_rocking.output import figures, tables, vtk
+from fpk_rocking.output.tables import reporting
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -60,7 +60,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     """
     scene, last = load_scene("main"), max(cycles)
     for method in ("rk4", "white"):
-        precompilation.queue_for_helpers(f"montecarlo.precompilation:{method}")
+        precompilation.queue_for_helpers(f"fpk_rocking.least_runs:{method}")
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)
@@ -101,13 +101,13 @@ def draw(out, cycles, density, band, white, against):
     after_start = [cycle for cycle in cycles if cycle > 0]
     stand = f"{100.0 * density.survival[max(cycles)]:.2g} % stand after {max(cycles)} cycles"
     title = f"Paper Fig. 6: the density spreads, splits and leaks; {stand}"
-    densities.surface_figure(out / "fig06.png", [density, band], cycles, title)
+    figures.surface_figure(out / "fig06.png", [density, band], cycles, title)
     ends = " and ".join(f"{100.0 * result.survival[max(cycles)]:.1f} %" for result in (density, band))
     title = f"Density and Monte Carlo fill the same states; after {max(cycles)} cycles {ends} stand"
-    densities.density_maps(out / "maps.png", [density, band], after_start, title)
+    figures.density_maps(out / "maps.png", [density, band], after_start, title)
     replaced, solved = (float(abs(comparison.difference).max()) for comparison in against)
     title = f"The density meets paths of the same noise to {solved:.4f} in survival, of band noise to {replaced:.3f}"
-    curves.survival_figure(out / "survival.png", [density, band, white], title)
+    figures.survival_figure(out / "survival.png", [density, band, white], title)
 
 
 def report(values):

@@ -34,7 +34,7 @@ from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import simulate, tally
 
 VARIANCES = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.04)
@@ -47,8 +47,8 @@ PHASE_TIMES = 20
 WHITE_TIMES = 10
 # By symmetry the third phase has the curve of the first: larger symbols, without a line.
 _PHASE_LOOKS = (
-    {"color": style.COLOURS[0]},
-    {"color": style.COLOURS[1], "marker": "s"},
+    {"color": pictures.COLOURS[0]},
+    {"color": pictures.COLOURS[1], "marker": "s"},
     {"color": "#555555", "marker": "D", "markersize": 9.0, "markerfacecolor": "none", "linestyle": "none"},
 )
 _REPLACEMENT = "The density solver has white noise of equal Melnikov variance: an approximation that paths judge."
@@ -173,7 +173,7 @@ def draw(path, values):
         f"Bars: 95 % intervals of {count:,} realizations of band noise, {PHASE_TIMES * count:,} in (d). The density "
         "has white noise of equal Melnikov variance. (d): by symmetry Ψ = 0 and π survive equally."
     )
-    with style.page(path, (10.5, 10.0), title, [note]) as figure:
+    with pictures.page(path, (10.5, 10.0), title, [note]) as figure:
         (both, tail), (bands, phases) = figure.subplots(2, 2)
         _both(both, values)
         _both(tail, values, limits=True)
@@ -182,7 +182,7 @@ def draw(path, values):
         tail.legend(fontsize=9, loc="lower left")
         rows = {f"band [0, {row['band'][1]:g}]": row for row in reversed(values["bands"])}
         looks = (
-            {"color": colour, "marker": marker} for colour, marker in zip(style.shades(3)[::-1], "Dso", strict=True)
+            {"color": colour, "marker": marker} for colour, marker in zip(pictures.shades(3)[::-1], "Dso", strict=True)
         )
         _several(bands, values["variances"], rows, looks)
         bands.set_title("(c) Band noise, three bands")
@@ -204,18 +204,20 @@ def _phase_label(row):
 def _both(axes, values, limits=False):
     """Draw survival of paths and densities against σ, with upper limits where no path stands if `limits`."""
     ours = next(row for row in values["bands"] if row["band"][1] == OURS)
-    look = {"color": style.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
+    look = {"color": pictures.COLOURS[1], "label": f"band noise, {values['realizations']:,} realizations"}
     _limited(axes, values["variances"], ours["survival"], ours["interval"], look, limits)
     white, densities = values["white"], values["density"]
     columns = ([row[name] for row in white] for name in ("variance", "survival", "interval"))
     label = f"white noise, {white[0]['realizations']:,} realizations"
-    _limited(axes, *columns, {"color": style.COLOURS[2], "marker": "s", "label": label}, limits)
+    _limited(axes, *columns, {"color": pictures.COLOURS[2], "marker": "s", "label": label}, limits)
     if limits:
         axes.plot([], [], "v", color="#777777", markersize=5, label="no realization stands: 95 % upper limit")
     columns = ([row[name] for row in densities] for name in ("variance", "survival"))
     look = {"marker": "D", "markersize": 8.0, "markerfacecolor": "none", "linestyle": "none"}
     variances, survival = columns
-    axes.plot(np.sqrt(variances), survival, color=style.COLOURS[0], label="Fokker-Planck density, white noise", **look)
+    axes.plot(
+        np.sqrt(variances), survival, color=pictures.COLOURS[0], label="Fokker-Planck density, white noise", **look
+    )
     axes.plot(0.0, float(values["stands_without_noise"]), "*", color="black", markersize=11, label="no noise", zorder=3)
 
 
@@ -223,7 +225,7 @@ def _limited(axes, variances, survival, interval, look, limits):
     """Draw survival with its intervals where any realization stands, else, if wanted, the upper limit."""
     places, survival, interval = np.sqrt(variances), np.asarray(survival), np.asarray(interval)
     some = survival > 0.0
-    style.error_bars(axes, places[some], survival[some], interval[some], **look)
+    pictures.error_bars(axes, places[some], survival[some], interval[some], **look)
     if limits:
         axes.plot(places[~some], interval[~some, 1], "v", color=look["color"], markersize=5)
 
@@ -232,7 +234,7 @@ def _several(axes, variances, rows, looks):
     """Draw survival of rows, by their labels, against σ, each with a look."""
     for (label, columns), look in zip(rows.items(), looks, strict=True):
         shape = {"linestyle": "-", "linewidth": 0.8, "label": label}
-        style.error_bars(axes, np.sqrt(variances), columns["survival"], columns["interval"], **(shape | look))
+        pictures.error_bars(axes, np.sqrt(variances), columns["survival"], columns["interval"], **(shape | look))
     axes.legend(fontsize=9)
 
 

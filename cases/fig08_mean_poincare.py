@@ -28,7 +28,7 @@ from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import correlation_dimension, mean_poincare_map, restarted_poincare_map, simulate
 
 VARIANCE = 0.04**2
@@ -115,13 +115,13 @@ def _draw(path, attractor, free, mapped, mean, values):
     dimensions = (values[name]["dimension"] for name in ("restarted", "without_noise"))
     title = "Paper Fig. 8: the mean map restores the attractor: dimension {:.2f}, without noise {:.2f}"
     title = title.format(*dimensions)
-    with style.page(path, (10.5, 10.6), title, notes) as figure:
+    with pictures.page(path, (10.5, 10.6), title, notes) as figure:
         panels = figure.subplot_mosaic([["a", "a"], ["b", "c"], ["d", "d"]], height_ratios=(0.6, 1.0, 0.6))
         _cycle_by_cycle(panels["a"], free, values)
         for name in "bc":
             panels[name].plot(*attractor.T, ".", markersize=1.0, color="#bbbbbb", rasterized=True)
             panels[name].set(xlabel=motion.ANGLE, ylabel=motion.VELOCITY, xlim=(-1.6, 0.5), ylim=(-0.5, 1.4))
-        panels["b"].plot(*mapped.points[SETTLED + 1 :].T, ".", markersize=3.0, color=style.COLOURS[0])
+        panels["b"].plot(*mapped.points[SETTLED + 1 :].T, ".", markersize=3.0, color=pictures.COLOURS[0])
         dimensions = (
             f"{values[name]['dimension']:.2f} ± {values[name]['deviation_of_dimension']:.2f}"
             for name in ("restarted", "without_noise")
@@ -130,7 +130,7 @@ def _draw(path, attractor, free, mapped, mean, values):
         panels["b"].set_title(text.format(values["realizations"], *dimensions), loc="left", fontsize=10)
         single = free.angle[:, SETTLED + 1 : 26], free.velocity[:, SETTLED + 1 : 26]
         first = slice(0, values["cycles"] // 20)
-        panels["c"].plot(*(states[first].ravel() for states in single), ".", markersize=3.0, color=style.COLOURS[1])
+        panels["c"].plot(*(states[first].ravel() for states in single), ".", markersize=3.0, color=pictures.COLOURS[1])
         panels["c"].set_title("(c) As many points of single blocks", loc="left", fontsize=10)
         _free_mean(panels["d"], mean)
 
@@ -139,11 +139,11 @@ def _cycle_by_cycle(axes, free, values):
     """Draw the Poincaré angles of the chosen realization against the cycle."""
     chosen, cutoff = values["realization"], free.scene.overturning.angle
     angle = free.angle[chosen]
-    axes.plot(angle, "o-", markersize=2.5, linewidth=0.6, color=style.COLOURS[0])
+    axes.plot(angle, "o-", markersize=2.5, linewidth=0.6, color=pictures.COLOURS[0])
     end = values["overturned_after_cycles"]
-    axes.plot(end, free.overturn_side[chosen] * cutoff, "x", color=style.OVERTURNED, markersize=9, mew=2)
+    axes.plot(end, free.overturn_side[chosen] * cutoff, "x", color=pictures.OVERTURNED, markersize=9, mew=2)
     for level in (-cutoff, cutoff):
-        axes.axhline(level, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
+        axes.axhline(level, color=pictures.OVERTURNED, linewidth=0.8, linestyle="--")
     axes.set(xlabel="forcing cycles", ylabel=motion.ANGLE, xlim=(0.0, 1.04 * end))
     title = (
         f"(a) Poincaré angles of realization {chosen}, which overturns after {end:.1f} cycles (cross at the cut-off)"
@@ -153,7 +153,7 @@ def _cycle_by_cycle(axes, free, values):
 
 def _free_mean(axes, mean):
     """Draw a mean map of a free ensemble against the cycle, with intervals."""
-    for k, (name, colour) in enumerate(zip(("angle", "velocity"), style.COLOURS, strict=False)):
+    for k, (name, colour) in enumerate(zip(("angle", "velocity"), pictures.COLOURS, strict=False)):
         means, error = mean.points[: FREE_CYCLES + 1, k], 1.96 * mean.standard_error[: FREE_CYCLES + 1, k]
         axes.errorbar(np.arange(FREE_CYCLES + 1), means, error, marker="o", markersize=3, linewidth=0.8, color=colour)
         axes.annotate(name, (FREE_CYCLES, means[-1]), xytext=(8, -3), textcoords="offset points", color=colour)

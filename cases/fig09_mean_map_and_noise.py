@@ -28,8 +28,8 @@ from fig08_mean_poincare import LENGTHS, SETTLED, attractor_of, dimensions_of
 
 from fpk_rocking import load_scene
 from fpk_rocking.base import files
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from montecarlo import restarted_poincare_map
 
 PAPER = (0.0, 0.05, 0.06, 0.12, 0.13, 0.16)
@@ -108,19 +108,19 @@ def _draw(path, attractor, mean_maps, paper, values):
     fractal = max((row["deviation"] for row in values["maps"] if (row["dimension"] or 0.0) > 1.0), default=0.0)
     falls = min((row["deviation"] for row in values["maps"] if any(row["overturned_after"])), default=np.inf)
     title = f"Paper Fig. 9: the mean map is fractal up to σ = {fractal:g}; from σ = {falls:g} on the mean can overturn"
-    with style.page(path, (10.5, 11.4), title, [note]) as figure:
+    with pictures.page(path, (10.5, 11.4), title, [note]) as figure:
         top, bottom = figure.subfigures(2, 1, height_ratios=(1.5, 1.0))
         panels = top.subplots(2, 3, sharex=True, sharey=True).ravel()
         for letter, axes, deviation, mean_map in zip("abcdef", panels, paper, [None, *mean_maps], strict=True):
             axes.plot(*attractor.T, ".", markersize=1.0, color="#bbbbbb", rasterized=True)
-            axes.axvline(np.pi / 2, color=style.OVERTURNED, linewidth=0.8, linestyle="--")
+            axes.axvline(np.pi / 2, color=pictures.OVERTURNED, linewidth=0.8, linestyle="--")
             axes.set_title(_panel(letter, deviation, mean_map), fontsize=10)
             points = _settled(mean_map) if mean_map else attractor[: values["cycles"]]
-            axes.plot(*points.T, ".", markersize=2.0, color=style.COLOURS[0])
+            axes.plot(*points.T, ".", markersize=2.0, color=pictures.COLOURS[0])
             if mean_map and mean_map.overturned_after:
-                axes.plot(*mean_map.points[-1], "x", color=style.OVERTURNED, markersize=9, mew=2)
+                axes.plot(*mean_map.points[-1], "x", color=pictures.OVERTURNED, markersize=9, mew=2)
         panels[0].annotate("cut-off", (np.pi / 2, -1.1), xytext=(-4, 0), textcoords="offset points", rotation=90,
-                           color=style.OVERTURNED, ha="right", va="bottom")  # fmt: skip
+                           color=pictures.OVERTURNED, ha="right", va="bottom")  # fmt: skip
         top.supxlabel(motion.ANGLE, fontsize=10)
         top.supylabel(motion.VELOCITY, fontsize=10)
         dimension, ended = bottom.subplots(1, 2)
@@ -141,7 +141,7 @@ def _dimension_panel(axes, paper, values):
     some = [row for row in values["maps"] if row["dimension"] is not None]
     columns = ([row[name] for row in some] for name in ("deviation", "dimension", "deviation_of_dimension"))
     x, y, error = map(np.array, columns)
-    shape = {"marker": "o", "markersize": 4, "linestyle": "none", "color": style.COLOURS[0]}
+    shape = {"marker": "o", "markersize": 4, "linestyle": "none", "color": pictures.COLOURS[0]}
     for chosen, face in _by_paper(x, paper):
         axes.errorbar(x[chosen], y[chosen], error[chosen], markerfacecolor=face, **shape)
     still = values["without_noise"]
@@ -160,7 +160,7 @@ def _ended_panel(axes, paper, values):
     pairs = [(row["deviation"], after) for row in values["maps"] for after in row["overturned_after"]]
     ended = np.array([pair for pair in pairs if pair[1]]).reshape(-1, 2)
     standing = np.array(sorted({deviation for deviation, after in pairs if not after}))
-    look = {"color": style.COLOURS[0], "linestyle": "none"}
+    look = {"color": pictures.COLOURS[0], "linestyle": "none"}
     for chosen, face in _by_paper(ended[:, 0], paper):
         axes.plot(*ended[chosen].T, "o", markersize=4, markerfacecolor=face, **look)
     for chosen, face in _by_paper(standing, paper):
@@ -178,7 +178,7 @@ def _ended_panel(axes, paper, values):
 def _by_paper(deviations, paper):
     """Return which values of σ the paper shows, for filled symbols, and which it does not, for open ones."""
     in_paper = np.isin(deviations, paper)
-    return (in_paper, style.COLOURS[0]), (~in_paper, "white")
+    return (in_paper, pictures.COLOURS[0]), (~in_paper, "white")
 
 
 def report(values):

@@ -26,8 +26,8 @@ from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
 from fpk_rocking.base import files
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import tally
 
@@ -121,7 +121,7 @@ def draw(path, values):
         f"Blocks overturn in bursts, most often in cycle {peak + 1}; white noise for band noise errs by up to "
         f"{cost:.4f} a cycle"
     )
-    with style.page(path, (10.5, 12.0), title, [note]) as figure:
+    with pictures.page(path, (10.5, 12.0), title, [note]) as figure:
         early, cycle, white, band = figure.subplots(4, 1, height_ratios=(0.8, 1.0, 0.8, 0.8))
         white.sharex(cycle)
         band.sharex(cycle)
@@ -141,11 +141,11 @@ def _early(axes, values):
     width = scene.period / PARTS
     edges = width * np.arange(len(early) + 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    for column, sign, colour in ((1, 1.0, style.COLOURS[0]), (0, -1.0, style.COLOURS[1])):
+    for column, sign, colour in ((1, 1.0, pictures.COLOURS[0]), (0, -1.0, pictures.COLOURS[1])):
         density = early[:, column] / width
         limits = sign * wilson_interval(np.rint(early[:, column] * trials), trials) / width
         axes.stairs(sign * density, edges, color=colour, fill=True, alpha=0.25)
-        style.error_bars(
+        pictures.error_bars(
             axes, middles, sign * density, np.sort(limits, axis=1), color=colour, marker="none", elinewidth=0.8
         )
     axes.axhline(0.0, color="black", linewidth=0.8)
@@ -162,13 +162,15 @@ def _early(axes, values):
 def _cycles(axes, values):
     """Draw the probability of overturning in each cycle, of paths and of the density, by variance."""
     cycles = np.arange(1, values["cycles"] + 1)
-    for row, colour, marker in zip(values["noise"], style.COLOURS, "osD", strict=False):
+    for row, colour, marker in zip(values["noise"], pictures.COLOURS, "osD", strict=False):
         label = f"σ² = {row['variance']:g}"
         steps = {"baseline": None, "color": colour, "linewidth": 1.0}
         axes.stairs(np.maximum(row["density"], 1e-12), np.arange(cycles.size + 1) + 0.5, **steps)
         probability, limits = np.array(row["band"]), np.array(row["band_interval"])
         some = probability > 0.0
-        style.error_bars(axes, cycles[some], probability[some], limits[some], color=colour, marker=marker, label=label)
+        pictures.error_bars(
+            axes, cycles[some], probability[some], limits[some], color=colour, marker=marker, label=label
+        )
     axes.set(title="(b) Overturned in each cycle: paths of band noise (points), density (steps)", yscale="log")
     axes.set(xlabel="forcing cycle", ylabel="probability", ylim=(3e-6, 0.3), xlim=(0.0, cycles[-1] + 1.0))
     axes.legend(ncols=3)
@@ -176,11 +178,11 @@ def _cycles(axes, values):
 
 def _differences(axes, values, name, title):
     """Draw what the share of paths that overturn in a cycle differs by from the density."""
-    for place, (row, colour, marker) in enumerate(zip(values["noise"], style.COLOURS, "osD", strict=False)):
+    for place, (row, colour, marker) in enumerate(zip(values["noise"], pictures.COLOURS, "osD", strict=False)):
         density = np.array(row["density"])
         cycles = 1.0 + np.arange(density.size) + 0.25 * (place - 1)
         apart, limits = np.subtract(row[name], density), np.subtract(row[f"{name}_interval"], density[:, None])
-        style.error_bars(axes, cycles, apart, limits, color=colour, marker=marker)
+        pictures.error_bars(axes, cycles, apart, limits, color=colour, marker=marker)
     axes.axhline(0.0, color="black", linewidth=0.8, zorder=1)
     axes.set(title=title, xlabel="forcing cycle", ylabel="difference\nof probability")
 

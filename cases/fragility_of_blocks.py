@@ -23,8 +23,8 @@ from command import command
 from fpk_rocking import Record, Scene
 from fpk_rocking.base import files
 from fpk_rocking.envelopes import Table
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
 
@@ -126,7 +126,7 @@ def draw(path, values):
         f"{shaken} and noise of 0.8 m/s² from 0 to 8 Hz with an envelope, both times the scale, until the block "
         f"rests or has overturned. Paths: {_realizations(blocks):,} a point, 95 % intervals."
     )
-    with style.page(path, (13.5, 7.2), title, [note]) as figure:
+    with pictures.page(path, (13.5, 7.2), title, [note]) as figure:
         panels = figure.subplots(2, len(blocks), sharex="col", sharey="row", height_ratios=(2.0, 1.0), squeeze=False)
         for (curves, rests), (name, block) in zip(panels.T, blocks.items(), strict=True):
             _curves(curves, block)
@@ -153,12 +153,12 @@ def _curves(axes, block):
     """Draw P(overturned) of a block against the scale, by engine."""
     density = block["density"]
     label = "density, white noise (at the crosses)"
-    axes.plot(density["scale"], density["overturned"][0], "x-", color=style.COLOURS[1], linewidth=1.0, label=label)
-    looks = {"white": ("o", style.COLOURS[0], "paths, white noise"), "exact": ("s", "0.5", "paths, band noise")}
+    axes.plot(density["scale"], density["overturned"][0], "x-", color=pictures.COLOURS[1], linewidth=1.0, label=label)
+    looks = {"white": ("o", pictures.COLOURS[0], "paths, white noise"), "exact": ("s", "0.5", "paths, band noise")}
     for engine, (marker, colour, label) in looks.items():
         curve = block[engine]
         points = curve["scale"], curve["overturned"][0], curve["interval"][0][0]
-        style.error_bars(axes, *points, color=colour, marker=marker, label=label)
+        pictures.error_bars(axes, *points, color=colour, marker=marker, label=label)
     axes.set(ylim=(-0.03, 1.03))
 
 
@@ -170,10 +170,10 @@ def _differences(axes, block):
     apart = np.array(paths["overturned"][0])[place] - expected
     limits = np.array(paths["interval"][0][0])[place] - expected[:, None]
     estimate = np.array(density["error_estimate"][0][0], dtype=float)
-    axes.axhline(0.0, color=style.COLOURS[1], linewidth=1.0)
-    look = {"color": style.COLOURS[1], "linestyle": "none", "linewidth": 6.0, "alpha": 0.4}
+    axes.axhline(0.0, color=pictures.COLOURS[1], linewidth=1.0)
+    look = {"color": pictures.COLOURS[1], "linestyle": "none", "linewidth": 6.0, "alpha": 0.4}
     axes.errorbar(scale, 0.0 * apart, estimate, **look)
-    style.error_bars(axes, scale, apart, limits, color=style.COLOURS[0])
+    pictures.error_bars(axes, scale, apart, limits, color=pictures.COLOURS[0])
     axes.set(xlabel="scale of the shaking (bars: estimate of the density)")
     logarithmic(axes.set_xscale, axes.xaxis)
 

@@ -18,8 +18,8 @@ from command import command
 
 from fpk_rocking import Scene
 from fpk_rocking.base import files
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.studies import fragility, grid, sweep
 from fpk_rocking.studies.picture import NAMES, draw_map
 
@@ -83,7 +83,7 @@ def draw(path, values):
     )
     shaking = f"Scale 1: {CYCLES} cycles of 3 m/s² at 1.5 Hz, noise of 0.3 m/s² from 0 to 8 Hz"
     notes = [f"{shaking}. {values['realizations']:,} paths a point. R: half diagonal."]
-    with style.page(path, (13.5, 5.4), title, notes) as figure:
+    with pictures.page(path, (13.5, 5.4), title, notes) as figure:
         panels = figure.subplots(1, 3)
         filled = draw_map(panels[0], sizes, values["slendernesses"], overturned.T)
         panels[0].set(xlabel=NAMES["size"], ylabel=NAMES["slenderness"])

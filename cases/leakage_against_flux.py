@@ -30,7 +30,7 @@ from scipy import stats
 
 from fpk_rocking import load_scene, melnikov
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import overturning_rate, simulate
 
 VARIANCES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
@@ -115,24 +115,24 @@ def draw(path, values):
         f"The phase flux hardly changes with the noise; it is {min(ratios)} to {max(ratios):,.0f} times the rate of "
         "overturning"
     )
-    with style.page(path, (10.5, 5.6), title, [sampled]) as figure:
+    with pictures.page(path, (10.5, 5.6), title, [sampled]) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
-        for study, colour, marker in zip(values["over_noise"], style.shades(len(BANDS)), "osD", strict=True):
+        for study, colour, marker in zip(values["over_noise"], pictures.shades(len(BANDS)), "osD", strict=True):
             _pair(noise, values["variances"], study, colour, marker)
             point = values["variances"][0], study["rate"][0]
-            style.named(noise, f"band [0, {study['band'][1]:g}]", point, colour, offset=(10.0, -4.0))
+            pictures.named(noise, f"band [0, {study['band'][1]:g}]", point, colour, offset=(10.0, -4.0))
         point = values["variances"][0], values["over_noise"][0]["flux_per_cycle"][0]
-        style.named(noise, "ΦT, all three bands", point, "black", (0.0, 6.0))
+        pictures.named(noise, "ΦT, all three bands", point, "black", (0.0, 6.0))
         noise.set(xscale="log", xlabel="variance of the noise σ², nondimensional", ylabel="ΦT and rate, per cycle")
         noise.set_title(f"(a) Restitution e = {BLOCK:g}")
-        _pair(block, values["restitutions"], values["over_restitution"], style.shades(len(BANDS))[1], "s")
+        _pair(block, values["restitutions"], values["over_restitution"], pictures.shades(len(BANDS))[1], "s")
         ours = values["over_restitution"]
-        style.named(block, "ΦT", (values["restitutions"][0], ours["flux_per_cycle"][0]), "black", (0.0, 6.0))
-        style.named(
+        pictures.named(block, "ΦT", (values["restitutions"][0], ours["flux_per_cycle"][0]), "black", (0.0, 6.0))
+        pictures.named(
             block,
             "band [0, 10]",
             (values["restitutions"][0], ours["rate"][0]),
-            style.shades(len(BANDS))[1],
+            pictures.shades(len(BANDS))[1],
             (10.0, 0.0),
         )
         block.set(xlabel="restitution e, nondimensional", yscale="log")
@@ -144,7 +144,7 @@ def _pair(axes, places, study, colour, marker):
     axes.plot(places, study["flux_per_cycle"], "-", color="black", linewidth=0.8)
     rate, limits = np.array(study["rate"]), np.array(study["interval"])
     some = rate > 0.0
-    style.error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
+    pictures.error_bars(axes, np.array(places)[some], rate[some], limits[some], color=colour, marker=marker)
 
 
 def report(values):

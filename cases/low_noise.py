@@ -24,7 +24,7 @@ from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, WhiteNoise, load_scene
 from fpk_rocking.base import files
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import simulate, split
 
 AMPLITUDE = 3.0
@@ -102,25 +102,25 @@ def draw(path, values):
         f"Two methods agree on escape rates down to {min(row['rate'] for row in sampled):.0e} a cycle; the operator "
         f"reaches {min(row['escape_rate'] for row in rows):.0e}"
     )
-    with style.page(path, (11.0, 5.6), title, [note]) as figure:
+    with pictures.page(path, (11.0, 5.6), title, [note]) as figure:
         left, right = figure.subplots(1, 2)
         rate = np.array([row["escape_rate"] for row in rows])
         error = rate * [row["escape_error"] for row in rows]
         inverse = [1.0 / row["diffusion"] for row in rows]
-        look = {"marker": "o", "color": style.COLOURS[0], "capsize": 2}
+        look = {"marker": "o", "color": pictures.COLOURS[0], "capsize": 2}
         left.errorbar(inverse, rate, error, **look, label="one-cycle operator")
         columns = [[row[name] for row in sampled] for name in ("diffusion", "rate", "standard_error")]
         columns = 1.0 / np.array(columns[0]), columns[1], 2.0 * np.array(columns[2])
-        look = {"fmt": "s", "markersize": 9, "color": style.COLOURS[1], "markerfacecolor": "none", "capsize": 2}
+        look = {"fmt": "s", "markersize": 9, "color": pictures.COLOURS[1], "markerfacecolor": "none", "capsize": 2}
         left.errorbar(*columns, **look, label="multilevel splitting")
         left.set(yscale="log", xlabel="1 / D, nondimensional", ylabel="escape rate per cycle")
         left.set_title("(a) Rate of two methods")
         left.legend(loc="lower left")
-        for row, colour in zip(rows, style.shades(len(rows)), strict=True):
+        for row, colour in zip(rows, pictures.shades(len(rows)), strict=True):
             unknowns, rates = np.array(row["refinement"][-3:]).T
             ratio = rates / rates[-1]
             right.plot(unknowns, ratio, "o-", color=colour)
-            style.named(
+            pictures.named(
                 right,
                 f"{row['diffusion']:g}",
                 (unknowns[0], ratio[0]),

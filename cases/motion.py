@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base.types import File
-from fpk_rocking.results import style
+from fpk_rocking.base.checks import File
+from fpk_rocking.results import pictures
 from fpk_rocking.results.remarks import cautions, noise_text
 
 __all__ = ["ANGLE", "TIME", "VELOCITY", "history_panel", "motion_figure"]
@@ -45,7 +45,7 @@ def motion_figure(
     """
     scene = ensemble.scene
     notes = [f"{ensemble.label}; {noise_text(scene.noise)}. Bars: 95 % intervals.", *cautions(ensemble)]
-    with style.page(path, _SIZE, title, notes) as figure:
+    with pictures.page(path, _SIZE, title, notes) as figure:
         top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 1.0, 0.8))
         rows = top.subplots(histories.realizations, 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for r, axes in enumerate(rows):
@@ -91,14 +91,14 @@ def history_panel(axes, histories, r, impacts=True):
     cutoff = histories.scene.overturning.angle
     axes.axhline(0.0, color="#888888", linewidth=0.8, zorder=1)
     for level in (-cutoff, cutoff):
-        axes.axhline(level, color=style.OVERTURNED, linewidth=0.8, linestyle="--", zorder=1)
-    axes.plot(histories.time, histories.angle[r], color=style.COLOURS[0], linewidth=1.2)
+        axes.axhline(level, color=pictures.OVERTURNED, linewidth=0.8, linestyle="--", zorder=1)
+    axes.plot(histories.time, histories.angle[r], color=pictures.COLOURS[0], linewidth=1.2)
     if impacts:
         times = histories.impact_time[histories.impact_realization == r]
         axes.plot(times, np.zeros_like(times), "o", color="black", markersize=2.8)
     side = histories.overturn_side[r]
     if side:
-        axes.plot(histories.overturn_time[r], side * cutoff, "x", color=style.OVERTURNED, markersize=8, mew=2)
+        axes.plot(histories.overturn_time[r], side * cutoff, "x", color=pictures.OVERTURNED, markersize=8, mew=2)
     axes.set(ylim=(-1.15 * cutoff, 1.15 * cutoff), xlim=(0.0, histories.time[-1]))
 
 
@@ -106,14 +106,14 @@ def _points(axes, ensemble):
     """Draw the Poincaré points of an ensemble after its last cycle."""
     angle, velocity = ensemble.angle[:, -1], ensemble.velocity[:, -1]
     standing = np.count_nonzero(np.isfinite(angle))
-    axes.plot(angle, velocity, ".", markersize=1.5, color=style.COLOURS[0], alpha=0.5, rasterized=True)
+    axes.plot(angle, velocity, ".", markersize=1.5, color=pictures.COLOURS[0], alpha=0.5, rasterized=True)
     axes.set(title=f"(b) Poincaré points of the {standing:,} that stand after {ensemble.cycles} cycles")
     axes.set(xlabel=ANGLE, ylabel=VELOCITY)
 
 
 def _means(axes, maps, column):
     """Draw one coordinate of mean Poincaré points against the cycle, their curves side by side within it."""
-    for k, ((label, mean_map), colour, marker) in enumerate(zip(maps.items(), style.COLOURS, "osD^", strict=False)):
+    for k, ((label, mean_map), colour, marker) in enumerate(zip(maps.items(), pictures.COLOURS, "osD^", strict=False)):
         shape = {"marker": marker, "markersize": 3.5, "markerfacecolor": "white", "linewidth": 0.7, "elinewidth": 1.0}
         mean, error = mean_map.points[:, column], 1.96 * mean_map.standard_error[:, column]
         axes.errorbar(np.arange(len(mean)) + 0.12 * k, mean, error, color=colour, label=label, **shape)
@@ -122,8 +122,8 @@ def _means(axes, maps, column):
 def _bars(axes, histogram, title, label):
     """Draw a `Histogram` with its intervals."""
     middles = 0.5 * (histogram.edges[1:] + histogram.edges[:-1])
-    axes.stairs(histogram.density, histogram.edges, color=style.COLOURS[0], fill=True, alpha=0.25)
-    style.error_bars(axes, middles, histogram.density, histogram.interval, color=style.COLOURS[0], marker="none")
+    axes.stairs(histogram.density, histogram.edges, color=pictures.COLOURS[0], fill=True, alpha=0.25)
+    pictures.error_bars(axes, middles, histogram.density, histogram.interval, color=pictures.COLOURS[0], marker="none")
     axes.set(
         title=title,
         xlabel=label,

@@ -26,7 +26,7 @@ from matplotlib.colors import PowerNorm
 from fpk_rocking import CycleOperator, NoNoise, load_scene
 from fpk_rocking.base import files
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import simulate
 
 LONG = (1, 10, 100, 200, 1000, 10**4)
@@ -84,9 +84,9 @@ def _draw(path, operator, quiet, ensemble, estimate):
         "Main scene; the operator has white noise of equal Melnikov variance, D = "
         f"{ensemble.scene.noise.diffusion:.3g}."
     )
-    with style.page(path, (11.0, 8.4), title, [note]) as figure:
+    with pictures.page(path, (11.0, 8.4), title, [note]) as figure:
         (first, second), (third, fourth) = figure.subplots(2, 2)
-        first.plot(quiet.angle[0, FORGOTTEN:], quiet.velocity[0, FORGOTTEN:], ",", color=style.COLOURS[0], alpha=0.6)
+        first.plot(quiet.angle[0, FORGOTTEN:], quiet.velocity[0, FORGOTTEN:], ",", color=pictures.COLOURS[0], alpha=0.6)
         first.set(title=f"(a) Without noise: {quiet.cycles - FORGOTTEN:,} cycles of one block", **_STATE)
         limit = {"xlim": (-np.pi / 2, np.pi / 2), "ylim": (-0.8, 1.9)}
         first.set(**limit)
@@ -100,21 +100,21 @@ def _draw(path, operator, quiet, ensemble, estimate):
         second.grid(visible=False)
         circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 300))
         third.plot(circle.real, circle.imag, color="#999999", linewidth=0.8)
-        third.plot(operator.eigenvalues.real, operator.eigenvalues.imag, "o", color=style.COLOURS[1])
+        third.plot(operator.eigenvalues.real, operator.eigenvalues.imag, "o", color=pictures.COLOURS[1])
         look = {"ha": "right", "arrowprops": {"arrowstyle": "-", "color": "#777777", "shrinkB": 4.0}}
-        style.named(third, f"{leading:.3f}: share that stands", (leading, 0.0), "black", (-30.0, 45.0), **look)
+        pictures.named(third, f"{leading:.3f}: share that stands", (leading, 0.0), "black", (-30.0, 45.0), **look)
         third.set(
             title="(c) Leading eigenvalues of a cycle, unit circle",
             xlabel="real part",
             ylabel="imaginary part",
             aspect="equal",
         )
-        fourth.plot(estimate.cycles, estimate.survival, color=style.COLOURS[0], label="one-cycle operator")
+        fourth.plot(estimate.cycles, estimate.survival, color=pictures.COLOURS[0], label="one-cycle operator")
         rows = np.arange(5, ensemble.cycles + 1, 5)
         interval = ensemble.survival_interval()[rows]
-        look = {"color": style.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}
+        look = {"color": pictures.COLOURS[1], "marker": "o", "linestyle": "none", "markersize": 4}
         label = f"Monte Carlo of white noise, {ensemble.realizations:,} realizations"
-        style.error_bars(fourth, rows, ensemble.survival[rows], interval, label=label, **look)
+        pictures.error_bars(fourth, rows, ensemble.survival[rows], interval, label=label, **look)
         fourth.set(title="(d) Survival from rest, 95 % intervals", xlabel="forcing cycles", ylabel="P(not overturned)")
         fourth.set_yscale("log")
         fourth.legend()

@@ -23,7 +23,7 @@ from matplotlib.colors import ListedColormap
 from fpk_rocking import Block, NoNoise, Overturning, Pulse, Scene
 from fpk_rocking.base import files
 from fpk_rocking.base.files import plain
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import histories
 
 RESTITUTION = 0.9
@@ -81,13 +81,15 @@ def draw(path, frequencies, amplitudes, modes, bounds, exact):
     """Draw the regions of both modes and their lower ends, and what the critical angle makes of these."""
     title = "The equation of a slender block is safe under long pulses, unsafe under short ones"
     notes = [f"Restitution {RESTITUTION:g}, p = √(3g / 4R). (b): above 1 the equation of a slender block is safe."]
-    with style.page(path, (13.0, 5.8), title, notes) as figure:
+    with pictures.page(path, (13.0, 5.8), title, notes) as figure:
         axes, ratios = figure.subplots(1, 2)
         for mode, colour in ((0, "0.78"), (1, "#9ecae1")):
             of_mode = np.where(np.minimum(modes.T, 1) == mode, 1.0, np.nan)
             axes.pcolormesh(frequencies, amplitudes, of_mode, cmap=ListedColormap([colour]), shading="nearest")
         axes.plot(frequencies, bounds[:, 1], color="black", label="least amplitude without impact")
-        axes.plot(frequencies, bounds[:, 0], color=style.COLOURS[1], marker=".", label="least amplitude with impacts")
+        axes.plot(
+            frequencies, bounds[:, 0], color=pictures.COLOURS[1], marker=".", label="least amplitude with impacts"
+        )
         middle = {"ha": "center", "va": "center"}
         axes.text(2.4, 7.0, "overturns without\nimpact (mode 2)", **middle)
         axes.text(3.6, 2.6, "overturns after\nan impact (mode 1)", **middle)
@@ -100,7 +102,7 @@ def draw(path, frequencies, amplitudes, modes, bounds, exact):
         )
         axes.set_yticks([1, 2, 3, 5, 10], ["1", "2", "3", "5", "10"])
         axes.legend(loc="lower right")
-        for colour, (angle, own) in zip(style.shades(len(exact)), exact.items(), strict=True):
+        for colour, (angle, own) in zip(pictures.shades(len(exact)), exact.items(), strict=True):
             for column, line in ((1, "-"), (0, ":")):
                 label = f"α = {angle:g}" if column else None
                 ratios.plot(frequencies, own[:, column] / bounds[:, column], color=colour, linestyle=line, label=label)

@@ -28,8 +28,8 @@ from fpk_rocking.base import files
 from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
-from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.results import style
+from fpk_rocking.density.space import velocity_bound
+from fpk_rocking.results import pictures
 from montecarlo import simulate
 
 CYCLES, STEPS, SHOWN = 10, 128, 3.5  # steps in a cycle that is looked into; standard deviations of the noise in (c)
@@ -122,7 +122,7 @@ def draw(path, values):
         f"[{noise.band[0]:g}, {noise.band[1]:g}]; all nondimensional. Points: {values['realizations']:,} paths. "
         "Lines: density, noise of equal Melnikov variance (low-pass: also of equal variance)."
     )
-    with style.page(path, (13.5, 5.2), title, [note]) as figure:
+    with pictures.page(path, (13.5, 5.2), title, [note]) as figure:
         survival, rest, cycle = figure.subplots(1, 3)
         _by_cycle(survival, values, "survival")
         _by_cycle(rest, values, "at_rest")
@@ -130,7 +130,7 @@ def draw(path, values):
         rest.set(title="(b) Rest; band: estimated error", ylabel="P(at rest)")
         line, error = np.array(solved["filtered"]["at_rest"]), solved["filtered"]["rest_error_estimate"]
         rest.fill_between(
-            np.arange(1, line.size), line[1:] - error, line[1:] + error, color=style.COLOURS[1], alpha=0.2
+            np.arange(1, line.size), line[1:] - error, line[1:] + error, color=pictures.COLOURS[1], alpha=0.2
         )
         rest.set_ylim(bottom=0.0)
         survival.legend(loc="lower left", fontsize=9)
@@ -139,11 +139,11 @@ def draw(path, values):
 
 def _by_cycle(axes, values, name):
     """Draw a quantity ("survival" or "at_rest") by cycle."""
-    for (noise, result), colour, marker in zip(values["sampled"].items(), style.COLOURS, "os", strict=False):
+    for (noise, result), colour, marker in zip(values["sampled"].items(), pictures.COLOURS, "os", strict=False):
         axes.plot(result[name], marker, color=colour, markersize=5, label=f"{noise} noise, Monte Carlo")
-    axes.plot(values["solved"]["filtered"][name], color=style.COLOURS[1], label="low-pass noise, density")
+    axes.plot(values["solved"]["filtered"][name], color=pictures.COLOURS[1], label="low-pass noise, density")
     if name == "survival":
-        axes.plot(values["solved"]["white"][name], color=style.COLOURS[2], label="white noise, density")
+        axes.plot(values["solved"]["white"][name], color=pictures.COLOURS[2], label="white noise, density")
     axes.set(xlabel="forcing cycles")
     axes.xaxis.get_major_locator().set_params(integer=True)
 

@@ -29,7 +29,7 @@ from command import command
 from fpk_rocking import CycleOperator, NoNoise, Start, load_scene
 from fpk_rocking.base import files
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 from montecarlo import simulate
 
 VARIANCES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.09, 0.16)
@@ -129,7 +129,7 @@ def _draw(path, scene, quiet, maps, mean, values):
     left = ", to ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
     title = f"Noise of σ = {math.sqrt(noisiest):g} shrinks the area of safe starts to {left}"
     limit = scene.overturning.angle
-    with style.page(path, (13.5, 10.0), title, [note]) as figure:
+    with pictures.page(path, (13.5, 10.0), title, [note]) as figure:
         panels = figure.subplot_mosaic([["quiet", 0, "time"], [1, 2, "erosion"]])
         edges, parts = quiet
         grid = np.linspace(-limit, limit, 500), np.linspace(-_FASTEST, _FASTEST, 500)
@@ -159,7 +159,7 @@ def _separatrices(axes, scene):
     swing = forcing.amplitude / math.hypot(1.0, forcing.frequency)
     shift = swing * math.cos(forcing.phase + math.atan(forcing.frequency))
     for side in (1.0, -1.0):
-        axes.plot(x, side + shift - x, "--", color=style.OVERTURNED, linewidth=1.4)
+        axes.plot(x, side + shift - x, "--", color=pictures.OVERTURNED, linewidth=1.4)
 
 
 def _erosion(axes, values):
@@ -167,13 +167,15 @@ def _erosion(axes, values):
     for k, cycles in enumerate(values["cycles"]):
         columns = [[row[name][k] for row in values["erosion"]] for name in ("area", "error")]
         places = np.sqrt([row["variance"] for row in values["erosion"]])
-        axes.errorbar(places, *columns, marker="o", color=style.COLOURS[k], capsize=2)
+        axes.errorbar(places, *columns, marker="o", color=pictures.COLOURS[k], capsize=2)
         middle = len(places) // 2
-        style.named(axes, f"{cycles} cycles", (places[middle], columns[0][middle]), style.COLOURS[k], offset=(8.0, 4.0))
+        pictures.named(
+            axes, f"{cycles} cycles", (places[middle], columns[0][middle]), pictures.COLOURS[k], offset=(8.0, 4.0)
+        )
     # Without noise the areas of all horizons are nearly the same: larger open stars around smaller ones.
     for k, (area, _) in enumerate(values["area_without_noise"]):
-        axes.plot(0.0, area, "*", color=style.COLOURS[k], markersize=16 - 7 * k, markerfacecolor="none")
-    style.named(axes, "no noise, both", (0.0, values["area_without_noise"][0][0]), "black", offset=(12.0, -3.0))
+        axes.plot(0.0, area, "*", color=pictures.COLOURS[k], markersize=16 - 7 * k, markerfacecolor="none")
+    pictures.named(axes, "no noise, both", (0.0, values["area_without_noise"][0][0]), "black", offset=(12.0, -3.0))
     axes.set(
         title="(f) Safe area",
         xlabel="standard deviation of the noise σ, nondimensional",

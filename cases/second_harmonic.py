@@ -36,8 +36,8 @@ from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
 from fpk_rocking.base import files
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import overturning_rate, simulate
 
@@ -191,7 +191,7 @@ def draw(path, values):
         f"The phase of a second harmonic decides: survival of {CYCLES} cycles from {min(survival):.2f} to "
         f"{max(survival):.2f}, without it {values['phases'][0]['survival'][0]:.2f}"
     )
-    with style.page(path, (10.5, 10.2), title, [forces, engines]) as figure:
+    with pictures.page(path, (10.5, 10.2), title, [forces, engines]) as figure:
         (force, amplitude), (rest, rates) = figure.subplots(2, 2)
         _forces(force, scene)
         _against_amplitude(amplitude, values)
@@ -205,7 +205,7 @@ def draw(path, values):
 def _forces(axes, scene):
     """Draw the forcings over a cycle."""
     turns = np.linspace(0.0, 1.0, 401)
-    for (name, psi), colour in zip(PHASES.items(), style.COLOURS, strict=True):
+    for (name, psi), colour in zip(PHASES.items(), pictures.COLOURS, strict=True):
         forcing = with_second(scene, scene.forcing.amplitudes[1], psi).forcing
         force = [forcing.value(turn * forcing.period) for turn in turns]
         axes.plot(turns, force, color=colour, label=f"Ψ₂ = {name}")
@@ -223,10 +223,10 @@ def _forces(axes, scene):
 
 def _against_amplitude(axes, values):
     """Draw survival against the amplitude of the second harmonic, by phase."""
-    for curve, colour in zip(values["phases"], style.COLOURS, strict=True):
+    for curve, colour in zip(values["phases"], pictures.COLOURS, strict=True):
         axes.plot(values["amplitudes"], curve["survival"], color=colour)
         points = (values["amplitudes"], curve["sampled_survival"], curve["sampled_survival_interval"])
-        style.error_bars(axes, *points, color=colour)
+        pictures.error_bars(axes, *points, color=colour)
         place = (1.02 * values["amplitudes"][-1], curve["survival"][-1])
         axes.text(*place, f" Ψ₂ = {curve['phase']}", va="center", color=colour)
     axes.set(title=f"(b) From rest: survival after {values['cycles']} cycles", ylim=(0.0, 1.0))
@@ -241,10 +241,10 @@ def _shares(axes, shares):
     sampled, interval = _closed(shares["sampled_overturned"]), _closed(shares["sampled_overturned_interval"])
     look = {"alpha": 0.25, "linewidth": 0.0}
     for border, edge, sign, k in ((left, 0.0, 1.0, 0), (1.0 - right, 1.0, -1.0, 1)):
-        axes.fill_between(phases, edge, border, color=style.COLOURS[k], **look)
-        axes.plot(phases, border, color=style.COLOURS[k])
+        axes.fill_between(phases, edge, border, color=pictures.COLOURS[k], **look)
+        axes.plot(phases, border, color=pictures.COLOURS[k])
         limits = np.sort(edge + sign * interval[:, k], axis=1)
-        style.error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=style.COLOURS[k])
+        pictures.error_bars(axes, phases, edge + sign * sampled[:, k], limits, color=pictures.COLOURS[k])
     middle = {"ha": "center", "va": "center"}
     axes.text(0.65 * math.pi, 0.85, "overturned to the right", **middle)
     axes.text(1.5 * math.pi, 0.5, "standing", **middle)
@@ -258,11 +258,11 @@ def _rates(axes, curves):
     rate, sampled, interval, flux = (
         _closed(curves[name]) for name in ("rate", "sampled", "interval", "flux_per_cycle")
     )
-    for k, (name, colour) in enumerate(zip(SIDES, style.COLOURS, strict=False)):
+    for k, (name, colour) in enumerate(zip(SIDES, pictures.COLOURS, strict=False)):
         alone, flux_alone = curves["rate_without"][k], curves["flux_per_cycle_without"][k]
         axes.plot(phases, rate[:, k] / alone, color=colour, label=f"rate of overturning, {name}")
         axes.plot(phases, flux[:, k] / flux_alone, "--", color=colour, label=f"Melnikov flux, {name}")
-        style.error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
+        pictures.error_bars(axes, phases, sampled[:, k] / alone, interval[:, k] / alone, color=colour)
     axes.set(title="(d) In the long run: each side over A₂ = 0", ylabel="ratio to A₂ = 0", ylim=(0.0, 4.3))
     axes.legend(loc="upper center", ncols=2, fontsize=9)
 

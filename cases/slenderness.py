@@ -20,8 +20,8 @@ from command import command
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene
 from fpk_rocking.base import files
 from fpk_rocking.base.files import plain
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.studies import fragility, scaled
 from montecarlo import simulate
 
@@ -112,7 +112,7 @@ def draw(path, values):
     off = {kind: np.array(values[kind]["exact"]) - np.array(values[kind]["slender"])[:, None] for kind in NAMES}
     most = max(float(np.nanmax(np.abs(differences))) for differences in off.values())
     title = f"The equation of a slender block overturns squat blocks too often, by up to {most:.2f} in probability"
-    with style.page(path, (11.0, 5.2), title, notes) as figure:
+    with pictures.page(path, (11.0, 5.2), title, notes) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for axes, (kind, name) in zip(panels, NAMES.items(), strict=True):
             drawn = axes.pcolormesh(

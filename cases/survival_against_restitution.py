@@ -23,8 +23,8 @@ from command import command
 
 from fpk_rocking import NoNoise, load_scene, solve_fpk
 from fpk_rocking.base import files
-from fpk_rocking.output.progress import reporting
-from fpk_rocking.results import style
+from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import pictures
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -119,7 +119,7 @@ def draw(path, values):
         f"Survival is largest at a restitution of {places[best]:.3g}: {survival[best]:.2f} after "
         f"{values['cycles'][-1]} cycles, {survival[0]:.2f} at {places[0]:g}"
     )
-    with style.page(path, (13.5, 5.4), title, [drawn]) as figure:
+    with pictures.page(path, (13.5, 5.4), title, [drawn]) as figure:
         linear, logarithmic, bands = figure.subplots(1, 3)
         _both(linear, values)
         _both(logarithmic, values, limits=True)
@@ -150,11 +150,11 @@ def _both(axes, values, limits=False):
     survival, interval = np.array(ours["survival"]), np.array(ours["interval"])
     lines = np.array([row["survival"] for row in values["density"]])
     places = [row["restitution"] for row in values["density"]]
-    for column, (cycle, colour) in enumerate(zip(values["cycles"], style.COLOURS, strict=False)):
+    for column, (cycle, colour) in enumerate(zip(values["cycles"], pictures.COLOURS, strict=False)):
         axes.plot(places, lines[:, column], ".-", color=colour, linewidth=1.2)
         some = survival[:, column] > 0.0
         x, values_at = np.array(values["restitutions"])[some], survival[some, column]
-        style.error_bars(axes, x, values_at, interval[some, column], color=colour)
+        pictures.error_bars(axes, x, values_at, interval[some, column], color=colour)
         if limits:
             look = {"color": colour, "markersize": 5}
             axes.plot(np.array(values["restitutions"])[~some], interval[~some, column, 1], "v", **look)
@@ -165,10 +165,10 @@ def _both(axes, values, limits=False):
 def _bands(axes, values):
     """Draw survival after `COMPARED_AT` cycles against the restitution, by band."""
     column = values["cycles"].index(COMPARED_AT)
-    for curve, colour, marker in zip(values["bands"], style.shades(len(values["bands"])), "osD", strict=True):
+    for curve, colour, marker in zip(values["bands"], pictures.shades(len(values["bands"])), "osD", strict=True):
         survival, limits = np.array(curve["survival"])[:, column], np.array(curve["interval"])[:, column]
         shape = {"marker": marker, "linestyle": "-", "linewidth": 0.8}
-        style.error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
+        pictures.error_bars(axes, values["restitutions"], survival, limits, color=colour, **shape)
         _named_at_peak(axes, values["restitutions"], survival, f"band [0, {curve['band'][1]:g}]", colour)
     axes.set(title=f"(c) Three noise bands, {COMPARED_AT} cycles", ylim=(-0.02, 1.02))
 
@@ -176,7 +176,7 @@ def _bands(axes, values):
 def _named_at_peak(axes, places, survival, text, colour):
     """Name a curve above its largest value."""
     peak = int(np.argmax(survival))
-    style.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
+    pictures.named(axes, text, (places[peak], survival[peak]), colour, offset=(0.0, 8.0), ha="center")
 
 
 def report(values):

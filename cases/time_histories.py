@@ -28,7 +28,7 @@ from command import command
 from fpk_rocking import load_scene
 from fpk_rocking.base import files
 from fpk_rocking.base.files import plain
-from fpk_rocking.output.progress import reporting
+from fpk_rocking.output.tables import reporting
 from montecarlo import (
     first_passage,
     histories,

@@ -19,7 +19,7 @@ import sys
 
 from opengl import probe_rendering
 
-from fpk_rocking.results.style import OVERTURNED, SURFACE
+from fpk_rocking.results.pictures import OVERTURNED, SURFACE
 
 _HEIGHT = 1.6
 

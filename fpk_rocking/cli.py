@@ -118,8 +118,8 @@ def _probability(options):
     """Run the command ``probability`` with its parsed `options`: answer, and print and save the answer."""
     from fpk_rocking.base.files import write_json
     from fpk_rocking.output import tables
-    from fpk_rocking.output.progress import reporting
-    from fpk_rocking.results.style import save
+    from fpk_rocking.output.tables import reporting
+    from fpk_rocking.results.pictures import save
     from fpk_rocking.studies.overturning import probability
 
     scene = scene_of(options, options.scene)
@@ -169,7 +169,7 @@ def _compare(options):
     """
     from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import compare
-    from fpk_rocking.output import curves, tables
+    from fpk_rocking.output import figures, tables
 
     if len(options.inputs) == 2:
         first, second = _loaded(options)
@@ -184,7 +184,7 @@ def _compare(options):
         if len(options.inputs) == 1:
             first.save(options.out / "ensemble.npz")
             second.save(options.out / "density.npz")
-        curves.survival_figure(options.out / "survival.png", [second, first])
+        figures.survival_figure(options.out / "survival.png", [second, first])
         write_json(options.out / "summary.json", compared.summary())
     _print(options, compared, compared.summary(), lambda: tables.comparison_table([compared]), [second, first])
 
@@ -192,7 +192,7 @@ def _compare(options):
 def _fragility(options):
     """Run the command ``fragility`` with its parsed `options`: compute, print and save fragility curves."""
     from fpk_rocking.base.files import write_json
-    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import IntensityCurve, drawn, fragility
     from fpk_rocking.studies.critical import motion_table
     from fpk_rocking.studies.motions import motion_lines
@@ -240,7 +240,7 @@ def _fragility(options):
 
 def _fragility_figure(path, result):
     """Draw fragility curves, a surface over a parameter, or the one curve for all scenes as a file."""
-    from fpk_rocking.results.style import page
+    from fpk_rocking.results.pictures import page
     from fpk_rocking.studies import Fragility
     from fpk_rocking.studies.picture import curves_figure, draw_curve, surface_figure
 
@@ -255,7 +255,7 @@ def _fragility_figure(path, result):
 
 def _risk(options):
     """Run the command ``risk`` with its parsed `options`: compute, print and save an annual rate of overturning."""
-    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.output.tables import reporting
     from fpk_rocking.risk.study import study
 
     intensities = numbers("--intensities", options.intensities)
@@ -304,7 +304,7 @@ def _warmup(_):
 def _solved(options, scene):
     """Solve a scene with those of the parsed `options` that are the density solver's; return the `Evolution`."""
     from fpk_rocking.density import solve_fpk
-    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import tasks
 
     own = rows_of(options, scene) | passed(options, "tol", "bins_tol", "noise_replacement")
@@ -319,7 +319,7 @@ def _checked(options, density, beside=None):
 
     `options` are the parsed arguments; the paths are those of `beside`, an `Ensemble` or `Tally`, if they are enough.
     """
-    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import tasks
 
     if options.no_check:
@@ -333,7 +333,7 @@ def _simulated(options, scene):
 
     Return an `Ensemble` or, with --tally, a `Tally`.
     """
-    from fpk_rocking.output.progress import reporting
+    from fpk_rocking.output.tables import reporting
     from montecarlo import simulate, tally
 
     if options.method == "white":

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array, ArrayLike, Number
 from fpk_rocking.physics.motion import block as forces
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
@@ -25,7 +25,7 @@ from montecarlo.engines.filtered_noise import (
     draw_parts,
 )
 from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
-from montecarlo.results.histories import Histories
+from montecarlo.results.ensemble import Histories
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

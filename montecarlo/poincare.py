@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.scene.parts import Start

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.threads import thread_count
-from fpk_rocking.base.types import Array, Progress
+from fpk_rocking.base.checks import Array, Progress
+from fpk_rocking.base.jit import thread_count
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.results.result import Dataset, Result

@@ -27,7 +27,7 @@ from fpk_rocking.analytics.process import (
 )
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import Harmonic, Harmonics
 from fpk_rocking.physics.noise.kinds import Noise
 

@@ -16,24 +16,40 @@ flux".
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996.
+
+The critical amplitudes stand in this file. Paper eq. 14 holds the process M(τ₀) (see `process`) against zero in a mean-
+square sense. It adds the largest value of (D_m cos)², that is D_m², to the mean square σ_M² of the noise; the mean
+square of the sum over all τ₀ is D_m²/2 + σ_M². Both are offered. Without noise only the first is the condition for
+zeros, D_m >= M. With Gaussian noise neither is a threshold: the process then crosses zero at any amplitude, and how
+much it does so is the phase flux.
 """
 
-from fpk_rocking.analytics.criteria import critical_amplitude, exact_critical_amplitude, margin
+from collections.abc import Sequence
+
+import numpy as np
+
 from fpk_rocking.analytics.flux import phase_flux, phase_flux_as_printed, phase_flux_sampled
 from fpk_rocking.analytics.process import (
     harmonic_amplitude,
     heteroclinic_orbit,
     impact_loss,
+    melnikov_deviations,
+    numbers,
     process_mean,
+    refuse_exact,
     sampled_process,
     transfer,
 )
+from fpk_rocking.base import checks
+from fpk_rocking.base.checks import ArrayLike, Number
+from fpk_rocking.physics.forcing import Harmonic, Harmonics
 from fpk_rocking.physics.noise.equivalence import (
     equivalent_diffusion,
     noise_variance,
     realized_spread,
     relative_variance,
 )
+from fpk_rocking.physics.noise.kinds import Noise
 
 __all__ = [
     "critical_amplitude",
@@ -53,3 +69,132 @@ __all__ = [
     "sampled_process",
     "transfer",
 ]
+
+
+def critical_amplitude(
+    frequency: ArrayLike,
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    criterion: str = "peak",
+    critical_angle: float = 0.0,
+) -> Number:
+    """Smallest amplitude A of the forcing that meets a Melnikov criterion.
+
+    Parameters
+    ----------
+    frequency : array_like
+        Frequency Ω of the forcing, above 0.
+    restitution : array_like
+        Restitution e, from 0 to 1.
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
+        Frequencies, restitutions and noises broadcast.
+    criterion : {"peak", "mean square"}
+        "peak" is the paper's eq. 14, D_m² + σ_M² >= M²: the peak of the harmonic part squared, plus the mean square of
+        the noise. "mean square" is D_m²/2 + σ_M² >= M², with the mean square of both.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
+
+    Returns
+    -------
+    ndarray or float
+        Amplitude A, nondimensional; 0 where the noise alone meets the criterion, σ_M >= M.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import BandNoise, NoNoise, melnikov
+    >>> band = BandNoise(variance=0.04, band=(0.0, 10.0), harmonics=100)
+    >>> print(melnikov.critical_amplitude(2.7, 0.5, [NoNoise(), band]).round(3))
+    [1.554 1.483]
+    """
+    shares = {"peak": 1.0, "mean square": 0.5}
+    if criterion not in shares:
+        accepted = " or ".join(map(repr, shares))
+        raise ValueError(checks.refusal("criterion", criterion, accepted))
+    omega = numbers("frequency", frequency, above=0.0)
+    loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
+    lacking = np.maximum(loss - sigma, 0.0) * (loss + sigma)
+    needed = 0.5 * (1.0 + omega**2) if critical_angle == 0.0 else 1.0 / np.abs(transfer(omega, critical_angle))
+    return (needed * np.sqrt(lacking / shares[criterion]))[()]
+
+
+def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
+    """Amplitude from which the manifolds of a slender block cross without noise, exactly (derived in docs/theory).
+
+    Its flights are linear, so both manifolds are known at x = 0 in closed form. They cross from
+    A = (1 - e)(1 + Ω²)/√((1 + e)² + (1 - e)²Ω²) on (cf. Hogan 1992; Lenci and Rega 2006). The Melnikov criterion,
+    `critical_amplitude`, agrees with it to first order in 1 - e. At high frequencies they differ: this amplitude grows
+    like Ω, the other like Ω².
+
+    Parameters
+    ----------
+    frequency : array_like
+        Frequency Ω of the forcing, above 0.
+    restitution : array_like
+        Restitution e, from 0 to 1; it broadcasts with `frequency`.
+    critical_angle : float
+        α of the block, 0: a block with another is refused.
+
+    Returns
+    -------
+    ndarray or float
+        Amplitude A, nondimensional.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import melnikov
+    >>> print(melnikov.exact_critical_amplitude([1.0, 2.7], 0.5).round(3))
+    [0.632 2.054]
+    """
+    refuse_exact(critical_angle, "the exact critical amplitude")
+    omega = numbers("frequency", frequency, above=0.0)
+    e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
+    return ((1.0 - e) * (1.0 + omega**2) / np.hypot(1.0 + e, (1.0 - e) * omega))[()]
+
+
+def margin(
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
+    restitution: ArrayLike,
+    noise: Noise | Sequence[Noise],
+    critical_angle: float = 0.0,
+) -> Number:
+    """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).
+
+    Parameters
+    ----------
+    forcing : Harmonic, Harmonics or (amplitude, frequency)
+        Periodic forcing, as for `harmonic_amplitude`.
+    restitution : array_like
+        Restitution e, from 0 to 1.
+    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
+        Amplitudes, frequencies, restitutions and noises broadcast. Without noise the margin is D_m - M.
+    critical_angle : float
+        α of the block, from 0, a slender one, to π/2, radians.
+
+    Returns
+    -------
+    ndarray or float
+        Nondimensional; negative where the criterion is not met.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is refused.
+
+    Examples
+    --------
+    >>> from fpk_rocking import NoNoise, melnikov
+    >>> print(melnikov.margin(([1.0, 4.6], 2.7), 0.5, NoNoise()).round(3))
+    [-0.134  0.735]
+    """
+    size = np.hypot(harmonic_amplitude(forcing, critical_angle), melnikov_deviations(noise, critical_angle))
+    return (size - impact_loss(restitution, critical_angle))[()]

@@ -13,7 +13,7 @@ import numpy as np
 
 from fpk_rocking.analytics.process import refuse_exact
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 
 __all__ = ["SymmetricOrbit", "symmetric_orbits"]
 

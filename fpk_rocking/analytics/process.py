@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
 from fpk_rocking.physics.motion import separatrix
 from fpk_rocking.physics.noise.envelope import refuse_envelope

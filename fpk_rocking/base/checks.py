@@ -1,6 +1,7 @@
-"""Checks of parameters: every refusal names the parameter, what was got and what is accepted.
+"""Checks of parameters, and the types that public names are annotated with.
 
-Names are the dotted names of a scene file (``noise.variance``), also where a value was built in Python.
+Every refusal names the parameter, what was got and what is accepted. Names are the dotted names of a scene file
+(``noise.variance``), also where a value was built in Python.
 """
 
 import dataclasses
@@ -9,8 +10,34 @@ import math
 import numbers
 import os
 import pathlib
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
+import numpy.typing as npt
+
+_T = TypeVar("_T")
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+ArrayLike = npt.ArrayLike
+
+Number = float | Array
+"""A scalar, or an array whose shape the result has."""
+
+File = str | os.PathLike[str]
+"""Path of a file or a folder."""
+
+Progress = Callable[[int, int], object]
+"""Called with the number of rows that are done, and that of all."""
+
+
+def not_none(value: _T | None) -> _T:
+    """Return a value, or raise TypeError where it is None: for a type checker, where other checks exclude None."""
+    if value is None:
+        raise TypeError("got None, accepted: a value")
+    return value
+
 
 _LONGEST = 500
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import File
+from fpk_rocking.base.checks import File
 
 
 @contextlib.contextmanager

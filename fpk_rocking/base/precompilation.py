@@ -13,21 +13,21 @@ import subprocess
 import sys
 
 TASKS = {
-    "fpk_rocking.density.precompilation:flight": 15,
-    "fpk_rocking.density.precompilation:solve": 15,
-    "fpk_rocking.density.precompilation:solve_exact": 20,
-    "fpk_rocking.density.precompilation:filtered": 3,
-    "fpk_rocking.density.precompilation:filtered_exact": 3,
-    "montecarlo.precompilation:exact": 7,
-    "montecarlo.precompilation:enveloped": 7,
-    "montecarlo.precompilation:nonlinear_exact": 11,
-    "montecarlo.precompilation:rk4": 7,
-    "montecarlo.precompilation:rk4_exact": 9,
-    "montecarlo.precompilation:white": 6,
-    "montecarlo.precompilation:white_exact": 8,
-    "montecarlo.precompilation:filtered": 6,
-    "montecarlo.precompilation:filtered_exact": 9,
-    "fpk_rocking.horizon.precompilation:operator": 12,
+    "fpk_rocking.least_runs:free_flight": 15,
+    "fpk_rocking.least_runs:density": 15,
+    "fpk_rocking.least_runs:density_exact": 20,
+    "fpk_rocking.least_runs:rest": 3,
+    "fpk_rocking.least_runs:rest_exact": 3,
+    "fpk_rocking.least_runs:exact": 7,
+    "fpk_rocking.least_runs:enveloped": 7,
+    "fpk_rocking.least_runs:nonlinear_exact": 11,
+    "fpk_rocking.least_runs:rk4": 7,
+    "fpk_rocking.least_runs:rk4_exact": 9,
+    "fpk_rocking.least_runs:white": 6,
+    "fpk_rocking.least_runs:white_exact": 8,
+    "fpk_rocking.least_runs:filtered": 6,
+    "fpk_rocking.least_runs:filtered_exact": 9,
+    "fpk_rocking.least_runs:operator": 12,
 }
 """Tasks, and the seconds that a first run which needs them takes longer, about; on two cores of 2024."""
 

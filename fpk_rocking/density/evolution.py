@@ -8,14 +8,14 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, not_none
-from fpk_rocking.density.refinement import bins_tolerance
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.base.checks import Array, not_none
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.resolution import bins_tolerance
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results.remarks import scene_diagnostics
-from fpk_rocking.results.replacement import Replacement, check_remarks, measured
 from fpk_rocking.results.result import Dataset
+from fpk_rocking.results.sampling import Replacement, check_remarks, measured
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic

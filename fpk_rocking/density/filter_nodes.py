@@ -312,3 +312,69 @@ def _with_finer(lines, least, ratio):
     count = max(math.ceil(math.log(first / least) / math.log(ratio)), 0)
     more = first * (least / first) ** (np.arange(1.0, 1.0 + count) / max(count, 1))
     return np.sort(np.concatenate([lines, more, -more]))
+
+
+def joint_covariance(nodes, covariance, time):
+    """Covariance (2 + states, 2 + states) of angle, velocity and states at a `time` of a slender block's flight.
+
+    `covariance` (2, 2) is that of angle and velocity at its begin; `nodes`: `Nodes`, or the `Whitened` filter.
+    """
+    count = len(nodes.drift)
+    joint = np.zeros((2 + count, 2 + count))
+    joint[0, 1] = joint[1, 0] = 1.0
+    joint[1, 2] = nodes.sigma
+    joint[2:, 2:] = nodes.drift
+    phi, factor = transition_and_factor(joint, np.append([0.0, 0.0], nodes.input), time)
+    begin = np.eye(2 + count)
+    begin[:2, :2] = covariance
+    return phi @ begin @ phi.T + factor @ factor.T
+
+
+def exact_moments(dynamics, nodes, mean, covariance, end, side):
+    """Gaussian of an exact block and the filter's states, as long as nothing happens, to second order in its spread.
+
+    Parameters
+    ----------
+    dynamics : Dynamics
+        Without noise.
+    nodes : Nodes
+    mean, covariance : ndarray, shapes (2,), (2, 2)
+        Of angle and velocity at time 0.
+    end : float
+    side : int
+
+    Returns
+    -------
+    callable
+        Mean (2,) and covariance (2 + states, 2 + states) as a function of a time up to the end.
+    """
+    from scipy.integrate import solve_ivp  # takes longer to import than all else here
+
+    alpha, forcing, size = dynamics.critical_angle, dynamics.forcing, 2 + len(nodes.drift)
+    rate, source = np.zeros((size, size)), np.zeros((size, size))
+    rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
+
+    def rates(time, state):
+        """Time derivative of mean and joint covariance, flattened like these in `state`, at a `time`."""
+        x, v, joint = state[0], state[1], state[2:].reshape(size, size)
+        phi, force = alpha * (1.0 - side * x), forcing.value(time)
+        sine, cosine = side * alpha * math.sin(phi), math.cos(phi)
+        rate[1, 0], rate[1, 2] = cosine + force * sine, nodes.sigma * cosine
+        bend = 0.5 * (sine - force * alpha**2 * cosine) * joint[0, 0] + nodes.sigma * sine * joint[0, 2]
+        moved = rate @ joint
+        return np.concatenate([[v, force * cosine - sine / alpha**2 + bend], (moved + moved.T + source).ravel()])
+
+    begin = np.eye(size)
+    begin[:2, :2] = covariance
+    states = np.concatenate([mean, begin.ravel()])
+    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
+    return lambda time: (moments_at(time)[:2], moments_at(time)[2:].reshape(size, size))
+
+
+def spread_left(noise, covariance, time):
+    """Part of the angle's standard deviation, at a time of a flight, that is left where the filter's states are known.
+
+    `noise`: filtered; `covariance` (2, 2) of angle and velocity at the begin, or None; `time`: since then.
+    """
+    joint = joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
+    return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))

@@ -14,7 +14,7 @@ import numpy as np
 
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.space.mesh import extended_lines, graded_lines
+from fpk_rocking.density.space import extended_lines, graded_lines
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point
 from fpk_rocking.density.step.dynamics import Dynamics
@@ -22,7 +22,7 @@ from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.flight import flight_covariance
-from fpk_rocking.results.binning import centred_edges
+from fpk_rocking.results.grids import centred_edges
 
 
 def in_rest(angles, velocities):
@@ -316,9 +316,9 @@ RESOLUTIONS = (
     Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, PatchSettings(10, 5.0, 0.7, 0.01, 4)),
     Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, PatchSettings(14, 6.0, 0.4, 0.01, 4)),
     Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, PatchSettings(16, 6.5, 0.35, 0.008, 4)),
-    Resolution(60, 56, 4, Quadrature(10, 10, 7, 2), 20, PatchSettings(20, 8.0, 0.2, 0.005, 5)),
-    Resolution(84, 78, 4, Quadrature(12, 12, 7, 2), 28, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
-    Resolution(116, 108, 4, Quadrature(12, 12, 9, 3), 40, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
+    Resolution(56, 52, 4, Quadrature(8, 8, 7, 2), 20, PatchSettings(20, 8.0, 0.2, 0.005, 5)),
+    Resolution(78, 72, 4, Quadrature(10, 10, 7, 2), 28, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
+    Resolution(108, 100, 4, Quadrature(12, 12, 9, 3), 40, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
 )
 """Each about 1.4 times as fine as the one before, most with patches of their own: neighbours tell the error."""
 
@@ -326,9 +326,22 @@ USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """Number of the resolution that is usually fine enough, by tolerance; never one of the first two."""
 
 
+BEFORE = {1e-4: Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(20, 8.0, 0.2, 0.005, 5))}
+"""By tolerance, what is solved before the usual one, where that of the list differs too much to tell its error."""
+
+
 def resolutions_for(tol, before):
     """List of `Resolution` for a tolerance of survival, from coarse to fine.
 
     They are `before` ones, the one that usually suffices for `tol`, and all finer.
     """
-    return RESOLUTIONS[USUAL[max(listed for listed in USUAL if listed <= tol)] - before :]
+    listed = max(tolerance for tolerance in USUAL if tolerance <= tol)
+    chosen = list(RESOLUTIONS[USUAL[listed] - before :])
+    if before and listed in BEFORE:
+        chosen[before - 1] = BEFORE[listed]
+    return chosen
+
+
+def bins_tolerance(tol: float) -> float:
+    """Error (L1) in the binned density that goes with an error `tol` in survival."""
+    return math.sqrt(tol) / 3.0

@@ -6,13 +6,18 @@ import time
 import numpy as np
 
 from fpk_rocking.base import checks, precompilation
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest
 from fpk_rocking.density.filtered import FilteredPropagator
-from fpk_rocking.density.notices import (
+from fpk_rocking.density.propagator import PeriodicPropagator
+from fpk_rocking.density.refinement import (
+    SOLUTIONS,
+    Level,
+    ProgressCount,
     announce,
     announce_finer,
     estimated_seconds,
+    refine,
     refuse_broken,
     refuse_large,
     refuse_slow,
@@ -20,15 +25,13 @@ from fpk_rocking.density.notices import (
     warn_beyond,
     warn_unresolved,
 )
-from fpk_rocking.density.periodic import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, bins_tolerance, refine
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, explore, in_rest, resolutions_for
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, bins_tolerance, explore, in_rest, resolutions_for
+from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
+from fpk_rocking.results.grids import result_times
 from fpk_rocking.results.remarks import describe_replacement
-from fpk_rocking.results.times import result_times
 from fpk_rocking.scene.scene import Scene
 
 
@@ -103,8 +106,8 @@ def solve_fpk(
     solved = _with_noise_replaced(scene, noise_replacement)
     white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
     precompilation.start_helpers(
-        precompilation.task_for_block("fpk_rocking.density.precompilation:solve", scene),
-        "fpk_rocking.density.precompilation:flight",
+        precompilation.task_for_block("fpk_rocking.least_runs:density", scene),
+        "fpk_rocking.least_runs:free_flight",
     )
 
     motion = explore(white, times)
@@ -291,7 +294,9 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
     bins = np.column_stack([bins[:, ~resting], bins[:, resting].sum(axis=1)])
     moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))[:, :, None, None]
-    negative = [space.negative_mass(np.where(moving, one, 0.0)) for one in densities[solution.resolved]]
+    negative = [
+        space.negative_mass(np.where(moving, coefficients, 0.0)) for coefficients in densities[solution.resolved]
+    ]
     rested = solution.reinjected if at_rest is None else at_rest[1:].max()
     truncated = float(np.abs(solution.outflow[:, 2]).max())
     probabilities = np.column_stack([solution.survival, 1.0 - solution.survival, solution.outflow[:, :2]])

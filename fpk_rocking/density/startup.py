@@ -13,12 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.gaussian import Gaussian, cell_size, exact_flight
-from fpk_rocking.density.patches import next_patch, patch_of
+from fpk_rocking.density.patches import Gaussian, cell_size, exact_flight, next_patch, patch_of
 from fpk_rocking.density.resolution import PatchSettings
-from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.cells import event_cells
-from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.space import Space
+from fpk_rocking.density.step.dynamics import Dynamics, event_cells
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
 

@@ -10,12 +10,10 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.notices import warn_beyond
-from fpk_rocking.density.periodic import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, bins_tolerance, refine
-from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
-from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.space.space import reflected
+from fpk_rocking.density.propagator import PeriodicPropagator
+from fpk_rocking.density.refinement import SOLUTIONS, Level, refine, warn_beyond
+from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore, resolutions_for
+from fpk_rocking.density.space import reflected, velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon.modes import Powers, leading_modes
 from fpk_rocking.physics.motion.block import largest_correction
@@ -126,13 +124,13 @@ class MeshOperator:
     @functools.cached_property
     def modes(self):
         """Leading `Modes` of the operator of a symmetry period; ARPACK begins two cycles after a uniform density."""
-        start, one, remaining = self.vector(self.one), self.vector(self.one), 1.0
+        start, unity, remaining = self.vector(self.one), self.vector(self.one), 1.0
         for _ in range(2 * self.periods):
             start = self.matvec(start)
-            remaining = one @ start / (one @ one)
+            remaining = unity @ start / (unity @ unity)
         if not remaining > TUNING.least_eigenvalue**2:
             got = f"a probability of {remaining:.1e} to survive two cycles"
-            accepted = "a scene in which not every block overturns within a cycle; solve_fpk() takes this one"
+            accepted = "a scene in which not every block overturns within a cycle; solve_fpk() takes this unity"
             raise ValueError(checks.refusal("scene", got, accepted))
         return leading_modes(self.matvec, start)
 
@@ -207,14 +205,14 @@ class MeshOperator:
     def survival(self, cycles, start):
         """Survival of a `Start` after numbers of cycles (n,), and the estimated error of the modes: two arrays (n,)."""
         first = self.propagator.propagate(self._white.period * np.arange(2), start=start)
-        powers, one = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
+        powers, unity = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
         for k in np.argsort(cycles, kind="stable"):
             if cycles[k] < 2:
                 survival[k] = first.survival[cycles[k]]
             else:
                 count = self.periods * (int(cycles[k]) - 1)
-                survival[k], left_out[k] = one @ powers.after(count), powers.left_out(count)
+                survival[k], left_out[k] = unity @ powers.after(count), powers.left_out(count)
         return survival, left_out
 
     def backward_powers(self):

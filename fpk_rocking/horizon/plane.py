@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, ArrayLike
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.density.space import Space
 
 
 class SurvivalEstimate(NamedTuple):

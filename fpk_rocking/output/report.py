@@ -13,8 +13,7 @@ import pathlib
 import numpy as np
 
 from fpk_rocking.base.files import write_text
-from fpk_rocking.results.pictures import edges_of, plane_units
-from fpk_rocking.results.style import OVERTURNED, SURFACE, picture_html
+from fpk_rocking.results.pictures import OVERTURNED, SURFACE, edges_of, picture_html, plane_units
 
 __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 
@@ -209,10 +208,10 @@ def _film_html(film):
     `film` is what `_film` returned.
     """
     drawings = "".join(
-        f"<figure><figcaption>{html.escape(one['name'])}</figcaption>"
+        f"<figure><figcaption>{html.escape(film_of['name'])}</figcaption>"
         f"<canvas id='film{n}' width='460' height='360' role='img' aria-label=''></canvas>"
         f"<p id='said{n}'></p></figure>"
-        for n, one in enumerate(film["films"])
+        for n, film_of in enumerate(film["films"])
     )
     shades = ",".join(film["colours"][::32])
     return (

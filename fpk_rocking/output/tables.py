@@ -1,16 +1,21 @@
-"""Results as tables on standard output."""
+"""What a command writes to the screen: results as tables on standard output, and progress on standard error.
 
+Progress is a bar in a terminal, now and then a line elsewhere.
+"""
+
+import contextlib
 import math
-from collections.abc import Iterable, Sequence
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from fpk_rocking.base.checks import Progress
 from fpk_rocking.results.remarks import noise_text
-
-__all__ = ["comparison_table", "probability_table", "result_table", "show", "text_table", "verdict_first"]
 
 
 def show(title, table, sentences):
@@ -58,8 +63,8 @@ def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
     columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
     if answer.cycles is not None and answer.time_s is not None:
         columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
-    shown = {"survival": answer.survival, "overturned left": answer.left, "overturned right": answer.right}
-    for (name, values), errors in zip(shown.items(), answer.errors.T, strict=True):
+    probabilities = {"survival": answer.survival, "overturned left": answer.left, "overturned right": answer.right}
+    for (name, values), errors in zip(probabilities.items(), answer.errors.T, strict=True):
         columns[name] = [f"{value:z.5f} ± {error:.1g}" for value, error in zip(values, errors, strict=True)]
     closing = f"Seed {answer.seed}, {answer.seconds:.1f} s."
     return (
@@ -200,3 +205,68 @@ def _survival_cells(compared, cycle, which):
 def _limits(limits, digits) -> str:
     """Write two limits, a pair of numbers, with some digits (int) behind the point."""
     return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"
+
+
+_SECONDS_BETWEEN_LINES = 10.0
+
+
+@contextlib.contextmanager
+def reporting(label: str) -> Iterator[Progress]:
+    """Show the progress of one piece of work on standard error: ``with reporting("density") as progress: ...``.
+
+    Parameters
+    ----------
+    label : str
+        Name of the work.
+
+    Yields
+    ------
+    callable
+        Takes ``(done, total)``: the `progress` that engines accept.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene
+    >>> from fpk_rocking.output.tables import reporting
+    >>> from montecarlo import simulate
+    >>> with reporting("paths") as progress:
+    ...     ensemble = simulate(load_scene("main"), cycles=4, realizations=1000, progress=progress)
+    """
+    if sys.stderr.isatty():
+        with _bar(label) as report:
+            yield report
+    else:
+        yield _lines(label)
+
+
+@contextlib.contextmanager
+def _bar(label):
+    """Yield a `progress` function (done, total) that draws a bar on the terminal, with a label (text) in front."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("left"))
+    columns = (*columns, TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task(label, total=None)
+        yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+def _lines(label):
+    """Return a `progress` function (done, total) that prints a line from time to time, with a label (text) in front."""
+    started = last = time.monotonic()
+    first = None  # time and work done at the first report: work may go on from a file
+
+    def report(done, total):
+        """Print a line if the last one is some time ago; `done` and `total` count the parts of the work."""
+        nonlocal last, first
+        now = time.monotonic()
+        first = first or (now, done)
+        if now - last >= _SECONDS_BETWEEN_LINES and done < total:
+            last = now
+            text = f"{label}: {100.0 * done / total:.0f} % after {now - started:.0f} s"
+            if done > first[1]:
+                text += f", about {(now - first[0]) * (total - done) / (done - first[1]):.0f} s left"
+            sys.stderr.write(text + "\n")
+
+    return report

@@ -271,3 +271,21 @@ def _slender(block):
         "fpk_rocking.studies.slenderness_cost(scene) measures what this changes."
     )
     return [Diagnostic(CAUTION, sentence, "slender")]
+
+
+EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion amplifies."
+"""Reason of the verdict on the one path of a deterministic scene by the method "exact"."""
+
+
+def path_diagnostics(method: str) -> list[Diagnostic]:
+    """Return a list of `Diagnostic` on the one path of a deterministic scene, by the name of the method.
+
+    It has a caution, or nothing if the method is exact.
+    """
+    if method == "exact":
+        return []
+    sentence = (
+        f"Deterministic: one path, by the time steps of the method {method!r}, whose error is not estimated. Compare "
+        "with the method 'exact', or with another `steps_per_cycle`."
+    )
+    return [Diagnostic(CAUTION, sentence, "steps")]

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.base.files import plain, write_csv
-from fpk_rocking.base.types import Array, File
 from fpk_rocking.results.remarks import scene_diagnostics, scene_remarks
 from fpk_rocking.results.trust import DIAGNOSTICS, Diagnostic, Trust, assess, verdict
 
@@ -97,7 +97,7 @@ class Result:
     >>> from typing import Annotated, ClassVar
     >>> import numpy as np
     >>> from fpk_rocking import Scene, load_scene
-    >>> from fpk_rocking.base.types import Array
+    >>> from fpk_rocking.base.checks import Array
     >>> from fpk_rocking.results.pictures import figure_of
     >>> from fpk_rocking.results.result import Dataset, Result
     >>> from fpk_rocking.results.storage import Saved
@@ -193,7 +193,7 @@ class Result:
 
     def _repr_html_(self) -> str:
         """Return the result as HTML for a notebook: title, figures, verdict and picture."""
-        from fpk_rocking.results.style import picture_html
+        from fpk_rocking.results.pictures import picture_html
 
         rows = "".join(
             f"<tr><th style='text-align:left'>{html.escape(name.replace('_', ' '))}</th>"

@@ -18,8 +18,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.checks import File
 from fpk_rocking.base.files import replaced_atomically
-from fpk_rocking.base.types import File
 from fpk_rocking.scene.scene import Scene
 
 _FORMAT = 7

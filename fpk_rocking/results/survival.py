@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike
-from fpk_rocking.results.binning import ascending_edges, joint_edges
+from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.results.grids import ascending_edges, joint_edges
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Dataset, Result
 

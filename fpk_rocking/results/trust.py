@@ -1,4 +1,9 @@
-"""Whether the numbers of a result may be used: its diagnostics, and the one verdict that follows from them."""
+"""Whether the numbers of a result may be used: its diagnostics, and the one verdict that follows from them.
+
+`assess` holds error figures against their limits, and `verdict` takes the largest severity. A result joins what is
+judged in `Result.diagnostics`: these figures, remarks on the model of its scene (`remarks.scene_diagnostics`), and what
+its kind adds (`model_diagnostics`).
+"""
 
 import html
 import math

@@ -10,8 +10,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.checks import File
 from fpk_rocking.base.files import write_text
-from fpk_rocking.base.types import File
 from fpk_rocking.studies.pooled import IntensityCurve
 
 _TAKEN = "risk", "curve", "motions"

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, File, Number
+from fpk_rocking.base.checks import Array, File, Number
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.risk.rate import Risk
 from fpk_rocking.studies.result import Fragility
 

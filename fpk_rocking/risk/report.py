@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.base.types import File, not_none
+from fpk_rocking.base.checks import File, not_none
 from fpk_rocking.output.report import json_html, left_out, table_html, write_page
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.results import style
-from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.results import pictures
+from fpk_rocking.results.pictures import figure_of, picture_html
 from fpk_rocking.results.remarks import noise_text
-from fpk_rocking.results.style import picture_html
-from fpk_rocking.scene.body import LENGTHS
+from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 from fpk_rocking.studies.motions import intensity_of, measured, motion_lines, motion_names
@@ -238,7 +237,7 @@ def risk_figure(path: File, study: Any) -> None:
     """
     risk, title = study.risk, f"{study.title[0].upper()}{study.title[1:]}"
     notes = risk.sentences if risk else [study.curve.describe()]
-    with style.page(path, (11.0 if risk else 6.5, 5.2), title, notes) as figure:
+    with pictures.page(path, (11.0 if risk else 6.5, 5.2), title, notes) as figure:
         left, *right = np.atleast_1d(figure.subplots(1, 2 if risk else 1))
         draw_curve(left, study.curve, study.records)
         if risk:
@@ -250,7 +249,7 @@ def risk_figure(path: File, study: Any) -> None:
 def draw_contributions(axes: Any, risk: Any) -> None:
     """Draw the share of the frequency that intensities have by a `Risk`, and the hazard on an axis of its own."""
     if risk.rate > 0.0:
-        look = {"align": "edge", "color": style.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
+        look = {"align": "edge", "color": pictures.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
         axes.bar(risk.edges[:-1], 100.0 * risk.contribution, np.diff(risk.edges), **look)
     axes.set(xlabel=_name(risk), ylabel="share of the rate, % (bars)", xlim=(risk.edges[0], risk.edges[-1]))
     logarithmic(axes.set_xscale, axes.xaxis)
@@ -281,7 +280,7 @@ def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None
         else:
             times = np.linspace(0.0, span, 2000)
             force = np.array([motion.value(time) for time in times])
-        axes.plot(size.seconds(times), 0.5 * force / motion.largest - place, color=style.COLOURS[0], linewidth=0.5)
+        axes.plot(size.seconds(times), 0.5 * force / motion.largest - place, color=pictures.COLOURS[0], linewidth=0.5)
     peaks = [measured(scene).pga / STANDARD_GRAVITY for scene in motions]
     names = [f"{_shortened(name)}\n{peak:.3g} g" for name, peak in zip(motion_names(motions), peaks, strict=True)]
     axes.set(xlabel="time, s", ylim=(0.4 - len(motions), 0.6))

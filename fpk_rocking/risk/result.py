@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.base.files import plain, write_json, write_text
-from fpk_rocking.base.types import Array, File
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic

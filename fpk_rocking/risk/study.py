@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, File, Progress, not_none
+from fpk_rocking.base.checks import ArrayLike, File, Progress, not_none
 from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.risk.export import check_name
 from fpk_rocking.risk.hazard import Hazard

@@ -4,8 +4,7 @@ from fpk_rocking.physics.forcing import Forcing, Harmonic, Harmonics, Pulse, Rec
 from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
 from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.physics.noise.state_space import StateSpace
-from fpk_rocking.scene.body import Body
-from fpk_rocking.scene.parts import Block, Overturning, Start
+from fpk_rocking.scene.parts import Block, Body, Overturning, Start
 from fpk_rocking.scene.scene import Scene, load_scene
 from fpk_rocking.scene.units import Dimensions
 

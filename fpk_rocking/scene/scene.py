@@ -5,34 +5,27 @@ docs/theory.md. A scene says nothing about how it is solved.
 """
 
 import dataclasses
-import math
 import pathlib
 import tomllib
 from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import File
-from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
+from fpk_rocking.base.checks import File
+from fpk_rocking.physics.forcing import FORCINGS, Forcing
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.noise.kinds import (
     FREQUENCIES,
-    HARMONICS,
     NOISES,
     BandNoise,
     FilteredNoise,
     NoNoise,
     WhiteNoise,
-    enough_harmonics,
 )
-from fpk_rocking.scene.body import Body
-from fpk_rocking.scene.parts import Block, Overturning, Start
-from fpk_rocking.scene.text import nondimensional, read_part, table_of, without_units
-from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
-
-NOISE_CYCLES = 30
-"""Forcing cycles for which band noise of a block with dimensions has `enough_harmonics`, unless they are given."""
+from fpk_rocking.scene.parts import Block, Body, Overturning, Start, check_cutoff, shaking_of_block, size_of_block
+from fpk_rocking.scene.text import change_document, fields_of, read_part, table_of, with_harmonics, without_units
+from fpk_rocking.scene.units import STANDARD_GRAVITY, in_units
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -88,7 +81,7 @@ class Scene:
         checks.instance("start", self.start, Start)
         checks.instance("overturning", self.overturning, Overturning)
         checks.keep(self, forcing=self.forcing.for_size(self.block.size))
-        _check_cutoff(self.overturning.angle, self.block.critical_angle)
+        check_cutoff(self.overturning.angle, self.block.critical_angle)
         if abs(self.start.angle) >= self.overturning.angle:
             accepted = f"an absolute value below overturning.angle = {self.overturning.angle!r}"
             raise ValueError(checks.refusal("start.angle", self.start.angle, accepted))
@@ -127,7 +120,7 @@ class Scene:
         TypeError, ValueError
             A part or a key is unknown, or a value is refused.
         """
-        own = _fields(self)
+        own = fields_of(self)
         checks.arguments("", own | parts, Scene)
         for name, part in parts.items():
             if isinstance(part, dict):
@@ -135,7 +128,7 @@ class Scene:
                 dropped = {"remark"} | (
                     {"critical_angle"} if part.keys() & {"dimensions", "body", "slender"} else set()
                 )
-                unchanged = {key: value for key, value in _fields(own[name]).items() if key not in dropped}
+                unchanged = {key: value for key, value in fields_of(own[name]).items() if key not in dropped}
                 parts[name] = cls(**checks.arguments(name, unchanged | part, cls))
         return dataclasses.replace(self, **parts)
 
@@ -267,8 +260,8 @@ class Scene:
             A value is refused, the block is too squat for the default restitution, or only one of strength and band of
             the noise is given.
         """
-        size = _size(width, height, gravity, body)
-        forcing = _shaking(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
+        size = size_of_block(width, height, gravity, body)
+        forcing = shaking_of_block(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
         rms = in_units("noise_rms_acceleration", noise_rms_acceleration, "acceleration")
         rms = checks.number("noise_rms_acceleration", rms, at_least=0.0)
         if (rms > 0.0) != (noise_band_hz is not None):
@@ -284,7 +277,7 @@ class Scene:
             overturning = Overturning(radians / size.critical_angle)
         dimensions = None if isinstance(size, Body) else size
         block = Block(restitution, dimensions, slender=slender, body=body)  # type: ignore[arg-type]  # None: from the size
-        return _with_harmonics(cls(block, forcing, noise, start, overturning), harmonics, frequencies)
+        return with_harmonics(cls(block, forcing, noise, start, overturning), harmonics, frequencies)
 
     @classmethod
     def from_toml(cls, text: str, folder: File = ".", changes: Mapping[str, Any] | None = None) -> Self:
@@ -322,7 +315,7 @@ class Scene:
         except (ValueError, RecursionError) as error:  # numbers of 5,000 digits, and tables of 5,000 levels
             raise ValueError(f"not valid TOML: {error}") from None
         for name, value in (changes or {}).items():
-            _change(document, name, value)
+            change_document(document, name, value)
         if "noise" not in document and document.keys() <= {field.name for field in dataclasses.fields(cls)}:
             raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
         tables = checks.arguments("", document, cls)
@@ -333,11 +326,11 @@ class Scene:
             parts[name] = read_part(name, plain_table, folder)
             tables[name] = plain_table
         noise = tables["noise"]
-        return _with_harmonics(cls(**parts), noise.get("harmonics"), noise.get("frequencies", FREQUENCIES[1]))
+        return with_harmonics(cls(**parts), noise.get("harmonics"), noise.get("frequencies", FREQUENCIES[1]))
 
     def to_toml(self) -> str:
         """Return the scene as TOML text, samples of a record included; `from_toml` reads it back."""
-        tables = _fields(self)
+        tables = fields_of(self)
         for name in ("dimensions", "body"):
             part = getattr(self.block, name)
             if part is not None:
@@ -393,78 +386,3 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
         return Scene.from_toml(text, path.parent, changes)
     except (TypeError, ValueError, OSError) as error:
         raise type(error)(f"{path}: {error}") from None
-
-
-def _fields(value):
-    """Return the fields of a dataclass object as a dict by name, themselves and not copied."""
-    return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-
-
-def _with_harmonics(scene, harmonics, frequencies):
-    """Return a scene, whose band noise, if its block has a size, has these `harmonics` and `frequencies`.
-
-    Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for `NOISE_CYCLES`.
-    """
-    noise, forcing = scene.noise, scene.forcing
-    if scene.block.size is None or noise.kind != "band":
-        return scene
-    if harmonics is None:
-        duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
-        stratified = frequencies == FREQUENCIES[1]
-        harmonics = max(HARMONICS, enough_harmonics(noise.band, duration)) if stratified else HARMONICS
-    return dataclasses.replace(scene, noise=dataclasses.replace(noise, harmonics=harmonics, frequencies=frequencies))
-
-
-def _change(document, name, value):
-    """Set a value in `document`, parsed TOML (dict), by its dotted name; tables that are missing are added.
-
-    Another form of the same quantity gives way to it.
-    """
-    *path, key = name.split(".")
-    table = document
-    for place, part in enumerate(path):
-        table = checks.table(".".join(path[: place + 1]), table.setdefault(part, {}))
-    for other in [name for name in table if key == "kind" or nondimensional(name) == nondimensional(key)]:
-        del table[other]
-    table[key] = value
-
-
-def _check_cutoff(cutoff, critical_angle):
-    """Refuse an angle of overturning, in critical angles, at which gravity would turn a block back; α is in radians."""
-    if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
-        most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
-        raise ValueError(checks.refusal("overturning.angle", cutoff, most))
-
-
-def _size(width, height, gravity, body):
-    """Return the `Dimensions` or the `Body` of `Scene.from_block`."""
-    if body is None:
-        return Dimensions(width, height, gravity)
-    for name, value, default in (
-        ("width", width, None),
-        ("height", height, None),
-        ("gravity", gravity, STANDARD_GRAVITY),
-    ):
-        if value != default:
-            raise ValueError(checks.refusal(name, value, "nothing where there is a body"))
-    return checks.instance("body", body, Body)
-
-
-def _shaking(size, peak, hertz, record, pulse, pulse_cycles, phase):
-    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size.
-
-    `size` is the `Dimensions` or the `Body`. `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None;
-    the others are as of `Scene.from_block`.
-    """
-    if record is not None:
-        checks.instance("record", record, Record)
-        for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):
-            if value is not None:
-                raise ValueError(checks.refusal(name, value, "nothing where there is a record"))
-        return record
-    peak = checks.number("peak_acceleration", in_units("peak_acceleration", peak, "acceleration"), at_least=0.0)
-    hertz = checks.number("frequency_hz", in_units("frequency_hz", hertz, "frequency"), above=0.0)
-    amplitude, frequency = size.amplitude(peak), size.frequency(hertz)
-    if pulse is not None:
-        return Pulse(pulse, amplitude, frequency, pulse_cycles)
-    return Harmonic(amplitude, frequency, phase)

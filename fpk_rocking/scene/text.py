@@ -4,13 +4,17 @@ import dataclasses
 from typing import Any
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import File
+from fpk_rocking.base.checks import File
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic
 from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
-from fpk_rocking.physics.noise.kinds import NOISES
-from fpk_rocking.scene.body import Body
-from fpk_rocking.scene.parts import Block, Overturning, Start
+from fpk_rocking.physics.noise.kinds import (
+    FREQUENCIES,
+    HARMONICS,
+    NOISES,
+    enough_harmonics,
+)
+from fpk_rocking.scene.parts import Block, Body, Overturning, Start
 from fpk_rocking.scene.units import BlockSize, Dimensions, in_units
 
 FILTER_KINDS = {cls.kind: cls for cls in (LinearFilter, CloughPenzien)}
@@ -195,7 +199,7 @@ def _noise(name, table, folder):
 
 _READERS = {
     "block": _block,
-    "forcing": _of_kind(FORCINGS, Harmonic.kind, lambda cls, *given: cls.from_table(*given)),
+    "forcing": _of_kind(FORCINGS, Harmonic.kind, lambda cls, *table: cls.from_table(*table)),
     "noise": _noise,
     "start": _read(Start),
     "overturning": _read(Overturning),
@@ -213,3 +217,41 @@ def _literal(value):
         return repr(value)
     # The samples of a record are many, and are written for every point of a study.
     return "[" + ", ".join(map(repr if set(map(type, value)) <= {float} else _literal, value)) + "]"
+
+
+def fields_of(value: Any) -> dict[str, Any]:
+    """Return the fields of a dataclass object as a dict by name, themselves and not copied."""
+    return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+
+
+def change_document(document: dict[str, Any], name: str, value: Any) -> None:
+    """Set a value in `document`, parsed TOML (dict), by its dotted name; tables that are missing are added.
+
+    Another form of the same quantity gives way to it.
+    """
+    *path, key = name.split(".")
+    table = document
+    for place, part in enumerate(path):
+        table = checks.table(".".join(path[: place + 1]), table.setdefault(part, {}))
+    for other in [name for name in table if key == "kind" or nondimensional(name) == nondimensional(key)]:
+        del table[other]
+    table[key] = value
+
+
+NOISE_CYCLES = 30
+"""Forcing cycles for which band noise of a block with dimensions has `enough_harmonics`, unless they are given."""
+
+
+def with_harmonics(scene: Any, harmonics: int | None, frequencies: str) -> Any:
+    """Return a scene, whose band noise, if its block has a size, has these `harmonics` and `frequencies`.
+
+    Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for `NOISE_CYCLES`.
+    """
+    noise, forcing = scene.noise, scene.forcing
+    if scene.block.size is None or noise.kind != "band":
+        return scene
+    if harmonics is None:
+        duration = forcing.duration if forcing.period is None else NOISE_CYCLES * forcing.period
+        stratified = frequencies == FREQUENCIES[1]
+        harmonics = max(HARMONICS, enough_harmonics(noise.band, duration)) if stratified else HARMONICS
+    return dataclasses.replace(scene, noise=dataclasses.replace(noise, harmonics=harmonics, frequencies=frequencies))

@@ -14,7 +14,7 @@ import re
 from typing import Any, TypeVar
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing.files import UNITS as ACCELERATIONS
 from fpk_rocking.physics.forcing.files import unit_of
 
@@ -59,7 +59,7 @@ def in_units(name: str, value: Any, kind: str) -> Any:
     units = _UNITS[kind]
     bare = next(iter(units.values()))
     if isinstance(value, list | tuple):
-        return type(value)(in_units(f"{name}[{place}]", one, kind) for place, one in enumerate(value))
+        return type(value)(in_units(f"{name}[{place}]", item, kind) for place, item in enumerate(value))
     if not isinstance(value, str):
         return value if bare == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else bare * value
     match = _QUANTITY.fullmatch(value)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.threads import map_threads
-from fpk_rocking.base.types import Array, Progress
+from fpk_rocking.base.checks import Array, Progress
+from fpk_rocking.base.jit import map_threads
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.motion.equation import block_of_scene

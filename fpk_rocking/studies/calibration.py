@@ -23,12 +23,11 @@ import numpy as np
 import scipy
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, Progress
+from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.results.pictures import figure_of, reliability_panel
+from fpk_rocking.results.pictures import COLOURS, figure_of, reliability_panel
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
-from fpk_rocking.results.style import COLOURS
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_of
 from fpk_rocking.studies.drawing import concentrated, distribution_of

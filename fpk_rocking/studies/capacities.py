@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.studies.lognormal import fit_rows
 
 _SWEEPS = 25

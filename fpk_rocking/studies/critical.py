@@ -11,21 +11,19 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, File, Progress
+from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing
-from fpk_rocking.results.pictures import figure_of
-from fpk_rocking.results.remarks import baseline_remark, scene_diagnostics
+from fpk_rocking.results.grids import result_times
+from fpk_rocking.results.pictures import COLOURS, figure_of
+from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagnostics
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
-from fpk_rocking.results.style import COLOURS
-from fpk_rocking.results.times import result_times
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
 from fpk_rocking.studies.jumps import MotionOutcomes, first_scale, kernels_of, overturns, search
 from fpk_rocking.studies.motions import intensity_of, measure_of, measured, motion_names, recorded_scenes
 from fpk_rocking.studies.scenes import checked_scenes
-from montecarlo.results.ensemble import EXACT_PATH
 
 LARGEST_FACTOR = 5.0
 """Factor of a motion's own acceleration above which there is a caution."""

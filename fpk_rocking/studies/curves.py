@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, File, Progress
-from fpk_rocking.results.times import result_times
+from fpk_rocking.base.checks import ArrayLike, File, Progress
+from fpk_rocking.results.grids import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.jumps import MotionOutcomes, overturns, search

@@ -4,9 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from fpk_rocking.results.remarks import scene_diagnostics
+from fpk_rocking.results.remarks import path_diagnostics, scene_diagnostics
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from montecarlo.results.ensemble import path_diagnostics
 
 
 def curve_diagnostics(result: Any) -> list[Diagnostic]:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.noise.envelope import Envelope, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks, precompilation
-from fpk_rocking.base.types import File, Progress
+from fpk_rocking.base.checks import File, Progress
 from fpk_rocking.console import line
 from fpk_rocking.scene.scene import Scene
 
@@ -126,7 +126,7 @@ def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
 
     The number of the attempt is a parameter because Dask answers equal calls with the result of the first.
     """
-    from fpk_rocking.base.threads import at_most
+    from fpk_rocking.base.jit import at_most
 
     with at_most(1):
         return run_job(task, job, options)

@@ -17,11 +17,11 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.motions import intensity_of
 from montecarlo.engines import engine_of, task_of
-from montecarlo.engines.scales import Outcomes, ScaledPaths
+from montecarlo.engines.batches import Outcomes, ScaledPaths
 
 COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
 """Steps of the scan in the logarithm of the scale, and the width to which a jump is bracketed. FINE is COARSE halved

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 
 _STEEPEST = 1e6
 """Factor of a term above which a likelihood counts as one without a maximum."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.physics.forcing.files import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.probability import Probability

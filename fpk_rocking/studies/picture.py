@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.output.tables import text_table, verdict_first
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
+from fpk_rocking.results.grids import SETTLING
 from fpk_rocking.results.pictures import figure_of
-from fpk_rocking.results.times import SETTLING
 from fpk_rocking.studies.motions import motion_lines
 
 __all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "message", "small_figure", "surface_figure"]
@@ -62,13 +62,13 @@ def curves_figure(path: File, results: Sequence[Any], title: str = "", which: in
     events = range(len(first.names)) if which is None else [which]
     notes = _notes(results)
     size = (5.2 * columns if columns > 1 else 8.5, 4.6 * rows + 0.22 * len(notes) + 0.8)
-    with style.page(path, size, title or message(first), notes) as figure:
+    with pictures.page(path, size, title or message(first), notes) as figure:
         panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
         for panel in panels[count:]:
             panel.set_visible(False)
         for m, axes in enumerate(panels[:count]):
             _curves(axes, first, m, events)
-            for other, colour in zip(results[1:], style.COLOURS[1:], strict=False):
+            for other, colour in zip(results[1:], pictures.COLOURS[1:], strict=False):
                 _curve(axes, other, m, events[0], colour, "x", fit=False)
             axes.set_title(first.label(m) if count > 1 else "")
             if m % columns == 0:
@@ -104,7 +104,7 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
     sizes.png
     """
     notes = _notes([result])
-    with style.page(path, (8.5, 5.8 + 0.22 * len(notes)), title or message(result), notes) as figure:
+    with pictures.page(path, (8.5, 5.8 + 0.22 * len(notes)), title or message(result), notes) as figure:
         _surface(figure, figure.subplots(), result, which)
     return pathlib.Path(path)
 
@@ -113,7 +113,7 @@ def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
     """Draw what `surface_figure` draws on axes, and return the filled contours."""
     filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
     medians = np.array([fits[which].median for fits in result.fits])
-    axes.plot(medians, result.place, "o", color=style.COLOURS[1], label="median of the lognormal fit")
+    axes.plot(medians, result.place, "o", color=pictures.COLOURS[1], label="median of the lognormal fit")
     axes.set(xlabel="scale of the shaking", ylabel=NAMES.get(result.axis, result.axis))
     return filled
 
@@ -121,7 +121,7 @@ def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
 def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
     """Draw probabilities (up, across) over two positive parameters as contours, and return the filled ones."""
     values = np.clip(probability, 0.0, 1.0)
-    filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=style.SURFACE)
+    filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=pictures.SURFACE)
     lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
     axes.clabel(lines, fmt="%g")
     axes.grid(visible=False)
@@ -188,7 +188,7 @@ def _surface(figure, axes, result, which):
 def _curves(axes, result, m, events):
     """Draw the probabilities of some events, by index, of scene m with their fits, over the scale."""
     for which in events:
-        _curve(axes, result, m, which, style.COLOURS[which % 4], "osD^"[which % 4], fit=True)
+        _curve(axes, result, m, which, pictures.COLOURS[which % 4], "osD^"[which % 4], fit=True)
     # Limits are set, as there may be no answer at all, and then nothing that a logarithmic axis could begin with.
     measures = result.intensities[m].at(1.0)
     axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03))
@@ -211,17 +211,19 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
         look = {"linestyle": "none", "markersize": 4.0, "markerfacecolor": "white"}
         axes.plot(scale, values, color=colour, marker=marker, label=label, **look)
         return
-    style.error_bars(axes, scale, values, result.interval()[m, which][finite], color=colour, marker=marker, label=label)
+    pictures.error_bars(
+        axes, scale, values, result.interval()[m, which][finite], color=colour, marker=marker, label=label
+    )
 
 
 def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     """Draw the probability with its limits against the intensity, each record, and the curve that is used."""
-    colour = style.COLOURS[0]
+    colour = pictures.COLOURS[0]
     for number, row in enumerate(records if len(records) > 1 else ()):
         label = "" if number else f"each of {len(records)} records"
         axes.plot(curve.intensity, row, color="0.75", linewidth=0.6, label=label)
     look = {"color": colour, "marker": "o", "label": "mean, 95 % limits", "zorder": 3}
-    style.error_bars(axes, curve.intensity, curve.probability, curve.interval, **look)
+    pictures.error_bars(axes, curve.intensity, curve.probability, curve.interval, **look)
     grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
     if len(curve.replicates) and curve.fitted:
         from scipy import special

@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, Number
+from fpk_rocking.base.checks import Array, Number
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.result import Dataset, Result

@@ -6,13 +6,13 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
+from fpk_rocking.results.remarks import EXACT_PATH
 from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import RowResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from montecarlo.results.ensemble import EXACT_PATH
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -159,8 +159,7 @@ class Probability(Saved, RowResult):
         """Draw the probability of having overturned, and its share to the left, with their errors."""
         from matplotlib.ticker import MaxNLocator
 
-        from fpk_rocking.results.pictures import figure_of
-        from fpk_rocking.results.style import COLOURS
+        from fpk_rocking.results.pictures import COLOURS, figure_of
 
         def panel(_, axes):
             """Draw both probabilities over the rows."""

@@ -7,9 +7,9 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
+from fpk_rocking.base.checks import Array
 from fpk_rocking.base.files import plain
-from fpk_rocking.base.types import Array
-from fpk_rocking.results.remarks import baseline_remark
+from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
@@ -21,7 +21,6 @@ from fpk_rocking.studies.jumps import MotionOutcomes
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.motions import Intensities, measured, motion_names
 from fpk_rocking.studies.pooled import IntensityCurve
-from montecarlo.results.ensemble import EXACT_PATH
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

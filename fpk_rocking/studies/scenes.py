@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import ArrayLike
+from fpk_rocking.base.checks import ArrayLike
 from fpk_rocking.scene.parts import Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import Dimensions

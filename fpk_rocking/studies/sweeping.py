@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.checks import Array, File, Progress
 from fpk_rocking.base.files import write_csv
-from fpk_rocking.base.types import Array, File, Progress
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Diagnostic
 from fpk_rocking.scene.scene import Scene

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks, precompilation
-from fpk_rocking.base.types import ArrayLike, Progress
+from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.scene.scene import Scene
@@ -51,10 +51,8 @@ def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[
         if task is mc:
             names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
-            kernels = ["solve"] + ["filtered"] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
-            names.update(
-                precompilation.task_for_block(f"fpk_rocking.density.precompilation:{name}", scene) for name in kernels
-            )
+            kernels = ["density"] + ["rest"] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
+            names.update(precompilation.task_for_block(f"fpk_rocking.least_runs:{name}", scene) for name in kernels)
     return sorted(names)
 
 

@@ -2,8 +2,8 @@
 
 `engine` says what an engine is, and has the loop over time that all of them share; `batches` checks the parameters of a
 run and yields its realizations; `random` has the random numbers of each. The engines are `exact` and `rk4`, for band
-noise or none (`band_noise`), `white` (with `barrier_steps` and `bounce`), and `filtered` (`filtered_noise`). This
-module lists them and chooses one for a scene. `walkers` and `levels` are the kernels of `montecarlo.splitting`.
+noise or none (`band_noise`), `white` (with `barriers`), and `filtered` (`filtered_noise`). This module lists them and
+chooses one for a scene. `walkers` has the kernels of `montecarlo.splitting`.
 """
 
 from fpk_rocking.base import checks, precompilation
@@ -42,4 +42,4 @@ def engine_of(scene, method=None):
 
 def task_of(engine, scene):
     """Return the task of `fpk_rocking.base.precompilation` that compiles an `Engine` for a scene, as a text."""
-    return precompilation.task_for_block(f"montecarlo.precompilation:{engine.task}", scene)
+    return precompilation.task_for_block(f"fpk_rocking.least_runs:{engine.task}", scene)

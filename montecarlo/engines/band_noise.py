@@ -12,15 +12,15 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS, collocation
-from fpk_rocking.physics.motion.collocation import NODES, PLACES
-from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene
+from fpk_rocking.physics.motion import TERMS, collocation_tables
+from fpk_rocking.physics.motion.block import force_series, forced_response, particular_at, particular_series
+from fpk_rocking.physics.motion.collocation_tables import NODES, PLACES
+from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, force_bounds
 from fpk_rocking.physics.motion.events import can_lift_off, chord_clearance
-from fpk_rocking.physics.motion.particular import force_series, forced_response, particular_at, particular_series
-from fpk_rocking.physics.motion.segment import force_bounds
 from fpk_rocking.physics.motion.slender_interval import Interval, interval_tables
 from fpk_rocking.physics.noise import band
 from fpk_rocking.physics.noise.band import OVERSAMPLING, WIDTH, evaluate_compensation, interpolant_polynomials
+from fpk_rocking.physics.noise.envelope import EnvelopePieces, envelope_pieces, largest_envelope
 from montecarlo.engines.engine import TimeGrid, time_grid
 from montecarlo.engines.random import draw_start, start_parameters, uniform, uniform_pairs
 from montecarlo.tuning import TUNING
@@ -189,58 +189,6 @@ def _largest_noise(noise, harmonics):
     return harmonics.weight * harmonics.harmonics
 
 
-class EnvelopePieces(NamedTuple):
-    """The envelope g of the noise as polynomials, in pieces that end at its kinks; m intervals.
-
-    `first` (m + 1,): number of the first piece in each interval. `ends` (pieces,): their ends, times since the
-    interval's middle. `strength` (pieces, order): g in the time since the interval's middle.
-    """
-
-    first: np.ndarray
-    ends: np.ndarray
-    strength: np.ndarray
-
-
-def envelope_pieces(envelope, middles, half):
-    """Return the `EnvelopePieces` of an `envelope`, or of None, for intervals with these middles (m,).
-
-    `half`: half their duration, nondimensional.
-    """
-    if envelope is None:
-        count = len(middles)
-        return EnvelopePieces(np.arange(count + 1), np.full(count, half), np.ones((count, 1)))
-    first, ends, centres, owners = [0], [], [], []
-    order = 2 if math.isinf(envelope.spacing) else TUNING.envelope_order
-    kinks = np.sort(envelope.kinks)
-    for middle in middles:
-        inside = kinks[np.abs(kinks - middle) < half * (1.0 - 1e-9)] - middle
-        stops = [*inside.tolist(), half]
-        for begin, end in zip([-half, *stops[:-1]], stops, strict=True):
-            ends.append(end)
-            centres.append(middle + 0.5 * (begin + end))
-            owners.append(middle)
-        first.append(len(ends))
-    # Linear pieces are moved to the interval's middle, and others begin there.
-    strength = envelope.series(np.array(centres), order)
-    if order == 2:
-        strength[:, 0] += strength[:, 1] * (np.array(owners) - np.array(centres))
-    return EnvelopePieces(np.array(first), np.array(ends), strength)
-
-
-def largest_envelope(envelope, grid):
-    """Return the largest value of an `envelope` in each interval (m,) of a `TimeGrid`; 1 for None."""
-    if envelope is None:
-        return np.ones(grid.count)
-    edges = grid.spacing * np.arange(grid.count + 1)
-    values = envelope.value(edges)
-    largest = np.maximum(values[:-1], values[1:])
-    inside = envelope.kinks if len(envelope.kinks) else np.array([envelope.peak])
-    places = np.searchsorted(edges, inside) - 1
-    within = (places >= 0) & (places < grid.count)
-    np.maximum.at(largest, places[within], envelope.value(inside[within]))
-    return largest
-
-
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
@@ -302,7 +250,7 @@ class Collocation(NamedTuple):
     values: np.ndarray
     forcing: np.ndarray
     envelope: np.ndarray
-    steps: collocation.FlightTables
+    steps: collocation_tables.FlightTables
 
 
 def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
@@ -321,7 +269,7 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     low, high = np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
     loudest = _largest_noise(scene.noise, harmonics) * largest_envelope(envelope, grid)
-    parts = envelope_pieces(envelope, middles, half)
+    parts = envelope_pieces(envelope, middles, half, TUNING.envelope_order)
     if exact:
         flight = _collocation(force_series(particular), envelope, polynomials, middles, grid.spacing)
     elif envelope is not None:
@@ -396,7 +344,7 @@ def _collocation(force, envelope, polynomials, middles, spacing):
     times = 0.5 * spacing * (2.0 * PLACES - 1.0)
     powers = times ** np.arange(TERMS)[:, None]
     strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
-    return Collocation(polynomials @ powers, force @ powers, strength, collocation.flight_tables(spacing))
+    return Collocation(polynomials @ powers, force @ powers, strength, collocation_tables.flight_tables(spacing))
 
 
 def _eventless_angles(low, high, spacing, block):

@@ -1,5 +1,9 @@
-"""A run of any engine: its checked parameters, and its realizations in batches, each simulated in parallel."""
+"""A run of any engine: its checked parameters, and its realizations in batches, each simulated in parallel.
 
+`ScaledPaths` are the paths of a deterministic scene at many scales of its forcing.
+"""
+
+import functools
 import math
 import time
 from typing import NamedTuple
@@ -7,12 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks, precompilation
-from fpk_rocking.base.threads import map_threads, thread_count
+from fpk_rocking.base.jit import map_threads, thread_count
+from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.motion.events import ImpactRecord
-from fpk_rocking.results.times import result_times
+from fpk_rocking.results.grids import result_times
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import engine_of, task_of
+from montecarlo.engines.band_noise import scaled_parameters
 from montecarlo.engines.random import keys_at, stream_keys
 from montecarlo.tuning import TUNING
 
@@ -127,8 +133,8 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         if progress is not None:
             progress(first, run.realizations)
         # Batches are short enough to be interrupted and long enough to keep all threads busy.
-        wanted = size * TUNING.batch_seconds / (time.perf_counter() - began)
-        size = max(TUNING.smallest_batch, int(min(wanted, 4 * size)))
+        affordable = size * TUNING.batch_seconds / (time.perf_counter() - began)
+        size = max(TUNING.smallest_batch, int(min(affordable, 4 * size)))
 
 
 def _fill(batch, simulate):
@@ -192,3 +198,88 @@ def _empty_batch(first, count, rows, capacity):
     time, speed = np.full((2, count, capacity), math.nan)
     hits = ImpactRecord(np.zeros(count, np.int64), time, speed)
     return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
+
+
+class Outcomes(NamedTuple):
+    """What n paths come to, nondimensional.
+
+    `overturn_time`, `overturn_side` (n,): as in `montecarlo.Ensemble`, nan and 0 of a path that stands. `peak` (n,):
+    largest |Θ| up to overturning, where it is that of overturning.
+    """
+
+    overturn_time: np.ndarray
+    overturn_side: np.ndarray
+    peak: np.ndarray
+
+    @property
+    def overturned(self):
+        """Whether each path overturns, (n,)."""
+        return self.overturn_side != 0
+
+
+class ScaledPaths:
+    """Paths of a scene without noise under its forcing times any factor, as the engine "exact" follows them.
+
+    Parameters
+    ----------
+    scene : Scene
+        `Scene.deterministic`.
+    cycles, times
+        As for `montecarlo.simulate`: overturning counts until the last of them.
+    """
+
+    def __init__(self, scene, cycles=None, times=None):
+        run = checked_run(scene, cycles, None, 1, "exact", 200, times=times)
+        parameters = engine_of(scene, "exact").parameters_of(scene, 200, None if scene.repeats else run.times[-1:])
+        grid, self._samples = parameters.grid, 1
+        ends = np.arange(1.0, grid.count + 1.0)
+        if scene.repeats:
+            self._run, self._samples = run, grid.count
+            self.times = run.times[-1] / (grid.count * run.rows) * np.arange(grid.count * run.rows + 1)
+        else:
+            # The last interval ends at the last time or after it.
+            ends[-1] = grid.output_times[-1]
+            self.times = grid.spacing * np.append(0.0, ends)
+            self._run = run._replace(times=self.times)
+        self._parameters = parameters._replace(grid=grid._replace(output_times=ends))
+        self.cutoff = scene.overturning.angle
+
+    @functools.cached_property
+    def least_scale(self):
+        """Factor up to which the forcing does not lift off a block at rest; 0 for one that starts otherwise."""
+        scene = self._run.scene
+        if scene.start.angle or scene.start.velocity or not scene.forcing.largest:
+            return 0.0
+        return lift_off(scene.block.critical_angle) / scene.forcing.largest
+
+    def __call__(self, scales):
+        """Return the `Outcomes` at scales (n,), above 0; the threads share the paths."""
+        outcomes = Outcomes(*np.full((3, len(scales)), math.nan))
+        map_threads(lambda number: self._follow(number, scales[number], outcomes), range(len(scales)))
+        return outcomes
+
+    def _follow(self, number, scale, outcomes):
+        """Follow the path under the forcing times `scale` and write it to place `number` of `Outcomes`."""
+        parameters = scaled_parameters(self._parameters, scale)
+        (path,) = simulate_batches(self._run, samples=self._samples, parameters=parameters)
+        outcomes.overturn_time[number], outcomes.overturn_side[number] = path.overturn_time[0], path.overturn_side[0]
+        peak = self.cutoff if path.overturn_side[0] else largest_angle(self.times, path.angle[0], path.velocity[0])
+        outcomes.peak[number] = peak
+
+
+def largest_angle(times, angle, velocity):
+    """Return the largest |Θ| of a path from its states `angle`, `velocity` (n,) at times (n,).
+
+    It is that of cubics between these, and right to some 1e-5 over intervals of .2. An interval with an impact counts
+    at its ends alone: what rises and returns within it has a small angle.
+    """
+    h, side = np.diff(times), np.sign(angle[:-1])
+    u, end, v, w = side * angle[:-1], side * angle[1:], side * velocity[:-1], side * velocity[1:]
+    turns = (end > 0.0) & (v > 0.0) & (w < 0.0)
+    u, end, v, w, h = u[turns], end[turns], v[turns], w[turns], h[turns]
+    mean = (end - u) / h
+    # The slope of the cubic is v + s (b + s a) at the part s of the interval.
+    a, b = 3.0 * (v + w - 2.0 * mean), -2.0 * (2.0 * v + w - 3.0 * mean)
+    s = 2.0 * v / (np.sqrt(np.maximum(b * b - 4.0 * a * v, 0.0)) - b)
+    tops = u + h * s * (v + s * (0.5 * b + s * a / 3.0))
+    return max(float(np.abs(angle).max()), float(tops.max(initial=0.0)))

@@ -52,7 +52,7 @@ class Engine:
     method : str
         Name by which a user asks for it.
     task : str
-        Function of `montecarlo.precompilation` that compiles it.
+        Function of `fpk_rocking.least_runs` that compiles it.
     file : str
         Source file of its functions.
     takes : callable
@@ -177,20 +177,20 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
         return cycle * (intervals * parameters.grid.spacing), (1 if x > 0.0 else -1)
     angle[0], velocity[0] = x, v
     side = side_of_start(x, v)
-    row, j, wanted = 1, 0 * intervals, times[0]  # j is no literal, for which all of an engine would be compiled too
+    row, j, row_time = 1, 0 * intervals, times[0]  # j is no literal, for which all of an engine would be compiled too
     for number in range((angle.size - 1) // rows * intervals):
         engine.draw(stream, number, j, cycle, parameters, workspace)
         eventless, end = engine.try_step(state, side, number, j, parameters, workspace)
-        if not eventless or wanted < number + 1:
+        if not eventless or row_time < number + 1:
             engine.build_force(number, j, parameters, workspace)
-            while wanted < number + 1:
-                share = wanted - number
+            while row_time < number + 1:
+                share = row_time - number
                 within, _, time = engine.step_within(
                     state, end, side, number, j, share, cycle, parameters, workspace, unkept
                 )
                 angle[row], velocity[row] = (within[0], within[1]) if time == math.inf else (math.nan, math.nan)
                 row += 1
-                wanted = times[(row - 1) % rows] + (row - 1) // rows * intervals
+                row_time = times[(row - 1) % rows] + (row - 1) // rows * intervals
         if eventless:
             state = end
         else:
@@ -199,10 +199,10 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
             )
             if time < math.inf:
                 return time, side
-        if wanted == number + 1:
+        if row_time == number + 1:
             angle[row], velocity[row] = engine.state_at_end(state, side, number, j, parameters, workspace)
             row += 1
-            wanted = times[(row - 1) % rows] + (row - 1) // rows * intervals
+            row_time = times[(row - 1) % rows] + (row - 1) // rows * intervals
         if row == angle.size:
             break
         j = j + 1 if j + 1 < intervals else 0

@@ -15,19 +15,20 @@ a bound of the acceleration cannot exclude an event are looked at more closely. 
 
 import math
 
-from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.arrays import borrowed, load, store
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import load, store
 from fpk_rocking.physics.motion import TERMS, collocation
-from fpk_rocking.physics.motion.equation import dispatch_on_block
+from fpk_rocking.physics.motion.equation import dispatch_on_block, particular_from_rest, segment_from_particular
 from fpk_rocking.physics.motion.events import advance_through_events
-from fpk_rocking.physics.motion.flight import dynamic_stiffness, exponential_parts, folded_angle, homogeneous_flight
+from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, homogeneous_flight
 from fpk_rocking.physics.motion.impact import side_of_start
-from fpk_rocking.physics.motion.segment import particular_from_rest, segment_from_particular
 from fpk_rocking.physics.motion.slender_interval import cross_interval, state_in_interval
 from fpk_rocking.physics.noise.band import (
     WIDTH,
-    evaluate_compensation,
+    divide_by_stiffness,
+    noise_at_points,
+    noise_slope,
+    write_product,
 )
 from montecarlo.engines.band_noise import (
     CHUNK,
@@ -45,18 +46,6 @@ from montecarlo.engines.engine import Engine
 
 
 @kernel(fastmath={"contract"})
-def _divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
-    """Turn the weights (n,) of the noise's harmonics, in place, into those of the interpolant of P.
-
-    `ratios` (n,): frequencies in turns per table period; `frequency`: angular, of one turn. `compensation`,
-    `ratio_scale`: those of `Parameters`, by which the interpolant's window is made good.
-    """
-    for n in range(ratios.size):
-        gain = -evaluate_compensation(compensation, ratios[n] * ratio_scale)
-        weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
-
-
-@kernel(fastmath={"contract"})
 def _write_nodes(samples, node, ends):
     """Write `node` (CHUNK,), the noise's share of P at the ends of the intervals that new samples complete.
 
@@ -67,19 +56,6 @@ def _write_nodes(samples, node, ends):
         a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
         for k in range(CHUNK):
             node[k] += (a * samples[k + i] + b * samples[k + i + 1]) + (c * samples[k + i + 2] + d * samples[k + i + 3])
-
-
-@kernel(fastmath={"contract", "reassoc"})
-def _noise_slope(samples, k, slopes):
-    """Return the derivative, in time, of the noise's share of P at the end of interval k of a chunk.
-
-    `samples` (WIDTH - 1 + CHUNK,) of the interpolant of that share, not of the noise (`_divide_by_stiffness`);
-    `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
-    """
-    total = 0.0
-    for i in range(WIDTH):
-        total += slopes[i] * samples[k + i]
-    return total
 
 
 @kernel(inline="always")
@@ -93,7 +69,7 @@ def _begin_closed(stream, cycle, parameters, workspace):
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     side = side_of_start(x, v)
     ratios, frequency = samples.harmonics.ratios, 2.0 * math.pi / (parameters.grid.count * parameters.grid.spacing)
-    _divide_by_stiffness(ratios, samples.harmonics.weights, frequency, parameters.compensation, parameters.ratio_scale)
+    divide_by_stiffness(ratios, samples.harmonics.weights, frequency, parameters.compensation, parameters.ratio_scale)
     write_first_samples(samples, cycle, parameters)
     _write_nodes(samples.values, workspace.node, parameters.flight.ends)
     _build_particular(0, 0, parameters, workspace)
@@ -185,7 +161,7 @@ def _end_closed(state, side, number, j, parameters, workspace):
     grow, decay, u = state
     if side == 0:
         return 0.0, 0.0
-    slope = _noise_slope(workspace.samples.values, number % CHUNK, parameters.flight.ends[1])
+    slope = noise_slope(workspace.samples.values, number % CHUNK, parameters.flight.ends[1])
     return side * u, parameters.flight.node[j, 1] + slope + grow - decay
 
 
@@ -237,20 +213,6 @@ def _respond_to_force(x, v, side, j, k, parameters, workspace):
     return side + y + push, v + kick
 
 
-@kernel(fastmath={"contract"}, forceinline=True)
-def _noise_at_points(values, g, k):
-    """Noise at the NODES points of an interval, a SIMD vector, less its envelope.
-
-    `values` (WIDTH, NODES): as of `Collocation`; g: samples of a chunk, those of this interval from number k on.
-    """
-    first = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
-    second = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
-    for i in range(4, WIDTH, 4):
-        first = first + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
-        second = second + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
-    return first + second
-
-
 @kernel(inline="always")
 def _try_response(state, side, number, j, parameters, workspace):
     """Whether interval j surely has no event for a slender block, and (angle, velocity) at its end if so.
@@ -281,7 +243,7 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return False, state
     tables, block = parameters.flight, parameters.block
-    push = _noise_at_points(tables.values, workspace.samples.values, number % CHUNK)
+    push = noise_at_points(tables.values, workspace.samples.values, number % CHUNK)
     if tables.envelope.shape[0] > 0:
         push = load(tables.envelope, j) * push
     u, push = side * x, side * (load(tables.forcing, j) + push)
@@ -318,20 +280,6 @@ def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
     interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
 
 
-@kernel(forceinline=True)
-def _write_product(strength, noise, base, out):
-    """Write to `out` (TERMS,) the polynomial `base` (TERMS,) plus the product of `strength` and `noise`.
-
-    `strength` (order,): the envelope; `noise` (TERMS,): the noise without it; all in the time since an interval's
-    middle.
-    """
-    for n in range(TERMS):
-        force = base[n]
-        for i in range(min(n + 1, strength.size)):
-            force += strength[i] * noise[n - i]
-        out[n] = force
-
-
 @kernel(inline="always")
 def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
     """Carry a slender block from `begin` to `end` of interval j; return x, v, side and the time reached.
@@ -341,7 +289,7 @@ def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameter
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
-    _write_product(strength, workspace.noise, parameters.zeros, force)
+    write_product(strength, workspace.noise, parameters.zeros, force)
     particular_from_rest(force, particular)
     for n in range(TERMS):
         particular[n] += parameters.forced[j, n]
@@ -359,7 +307,7 @@ def _advance_exact(x, v, side, j, begin, end, strength, tried, last, parameters,
     `Workspace` of `band_noise`.
     """
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
-    _write_product(strength, workspace.noise, parameters.forced[j], force)
+    write_product(strength, workspace.noise, parameters.forced[j], force)
     angle, speed = last
     return collocation.advance_from_flight(
         force, half, x, v, side, begin, end, block, impacts, origin, tried, side * angle, side * speed, acceleration

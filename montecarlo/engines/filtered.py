@@ -21,17 +21,23 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.arrays import borrowed, load
 from fpk_rocking.base.basis import bernstein_basis
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import load
-from fpk_rocking.physics.motion import TERMS, collocation
-from fpk_rocking.physics.motion.collocation import NODES, PLACES
-from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion import TERMS, collocation, collocation_tables
+from fpk_rocking.physics.motion.block import cosh_sinh, force_series, forced_response, particular_at
+from fpk_rocking.physics.motion.collocation_tables import NODES, PLACES
+from fpk_rocking.physics.motion.equation import (
+    KernelBlock,
+    block_of_scene,
+    dispatch_on_block,
+    force_bounds,
+    move_origin,
+    particular_from_rest,
+    segment_from_particular,
+)
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
 from fpk_rocking.physics.motion.flight import homogeneous_flight
-from fpk_rocking.physics.motion.particular import cosh_sinh, force_series, forced_response, particular_at
-from fpk_rocking.physics.motion.segment import force_bounds, move_origin, particular_from_rest, segment_from_particular
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.filtered_noise import (
     EnvelopeTables,
@@ -76,7 +82,7 @@ class Parameters(NamedTuple):
     pushes: np.ndarray
     basis: np.ndarray
     strength_at_points: np.ndarray
-    steps: collocation.FlightTables
+    steps: collocation_tables.FlightTables
 
 
 class Workspace(NamedTuple):
@@ -130,7 +136,7 @@ def parameters_on_grid(scene, grid):
         force @ (span * PLACES) ** np.arange(TERMS)[:, None],
         bernstein_basis(PLACES, degree),
         np.empty((0, NODES)) if envelope is None else envelope.value(begins[:, None] + span * PLACES),
-        collocation.flight_tables(span),
+        collocation_tables.flight_tables(span),
     )
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from fpk_rocking.base.basis import bernstein_basis, gauss_legendre
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.particular import impulse_response
+from fpk_rocking.physics.motion.block import impulse_response
 from fpk_rocking.physics.noise.state_space import transition_and_factor
 from montecarlo.engines.random import hash_word, normal
 from montecarlo.tuning import TUNING

@@ -5,6 +5,10 @@ there. `open_stream` makes of the keys and r the state of a generator of its own
 realization is drawn from this state in a fixed order: first the start (`draw_start`), then the noise. So a
 realization is the same however many others there are, and whichever thread computes it.
 
+`batches.simulate_batches` makes the keys, those of the starting cycle for engines that say that they renew their noise
+(`Engine.renews`), and `engine._simulate` opens a stream for each realization. Splitting opens one for each walker that
+it continues, and one more for each repeat (`walkers.simulate_splitting`).
+
 Generator: xoshiro256++ (D. Blackman, S. Vigna, ACM Trans. Math. Softw. 47(4), 36, 2021). A stream's four words of
 state are hashes (the finalizer of splitmix64) of the realization's number under the four keys, so no two realizations
 of a seed share a word. Normals: the ziggurat of 256 layers (G. Marsaglia, W. W. Tsang, J. Stat. Softw. 5(8), 2000, in

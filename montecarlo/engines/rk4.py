@@ -15,10 +15,15 @@ import numpy as np
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock, acceleration, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.equation import (
+    KernelBlock,
+    acceleration,
+    block_of_scene,
+    dispatch_on_block,
+    segment_from_particular,
+)
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import runge_kutta_coefficients, runge_kutta_forcing
-from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise import band
 from montecarlo.engines.band_noise import Band, band_of_scene, draw_start_and_noise
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid

@@ -7,7 +7,7 @@ while neither barrier is within 4 standard deviations, so steps shrink as a barr
 geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < w^2/1000 over the time t
 that the block needs to the barrier at speed w, one more draw carries it to its expected arrival; the small miss is made
 good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low bounce, from an impact
-to the next, half an interval up and as much down, is one draw: see `montecarlo.engines.bounce`.
+to the next, half an interval up and as much down, is one draw: see `montecarlo.engines.barriers`.
 
 No step is shorter than T/(256 steps_per_cycle). That resolution matters where impacts are slow, at speeds about
 sqrt(2 D) times its root, as in a start from rest, and it decides about the bias, which is of first order in it.
@@ -23,7 +23,15 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, dispatch_on_block
+from fpk_rocking.physics.motion.block import cosh_sinh
+from fpk_rocking.physics.motion.equation import (
+    KernelBlock,
+    Segment,
+    block_of_scene,
+    dispatch_on_block,
+    segment_from_particular,
+    value_and_slope,
+)
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import (
     accumulated_covariance,
@@ -32,11 +40,8 @@ from fpk_rocking.physics.motion.flight import (
     homogeneous_flight,
     slender_flight_end,
 )
-from fpk_rocking.physics.motion.particular import cosh_sinh
-from fpk_rocking.physics.motion.segment import Segment, segment_from_particular, value_and_slope
 from fpk_rocking.physics.noise.envelope import mean_squares
-from montecarlo.engines.barrier_steps import nystrom_step, reflect_draw, step_near_barrier
-from montecarlo.engines.bounce import draw_bounce
+from montecarlo.engines.barriers import draw_bounce, nystrom_step, reflect_draw, step_near_barrier
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import draw_start, normal, start_parameters
 from montecarlo.tuning import TUNING
@@ -281,9 +286,9 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
     u, w = side * x, side * v
     elapsed, start = cycle * intervals, 0.0
     for row in range(1, angle.size):
-        wanted = times[(row - 1) % times.size] + (cycle + (row - 1) // times.size) * intervals
-        while elapsed < wanted:
-            left, j, origin = wanted - elapsed, elapsed % intervals, elapsed * span
+        row_time = times[(row - 1) % times.size] + (cycle + (row - 1) // times.size) * intervals
+        while elapsed < row_time:
+            left, j, origin = row_time - elapsed, elapsed % intervals, elapsed * span
             end = min(left, 1.0) * span
             if start < end:
                 until = left * span if parameters.repeats else 0.0

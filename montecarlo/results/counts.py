@@ -11,9 +11,9 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array
-from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.scene.scene import Scene
 
 LARGEST = 2**31 - 1
@@ -73,7 +73,7 @@ def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges:
     """Return `Counts` of no realization, for times (rows,) and edges of bins, nondimensional.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
-    `fpk_rocking.results.binning.joint_edges`, which holds four standard deviations of the noise.
+    `fpk_rocking.results.grids.joint_edges`, which holds four standard deviations of the noise.
     """
     bounds = scene.overturning.angle, 8.0 * joint_edges(scene)[1][-1]
     rows = len(times)

@@ -10,12 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, not_none
+from fpk_rocking.base.checks import Array, ArrayLike, not_none
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.results.binning import ascending_edges
+from fpk_rocking.results.grids import ascending_edges
 from fpk_rocking.results.sampling import wilson_interval
-from montecarlo.results.ensemble import Ensemble
-from montecarlo.results.histories import Histories
+from montecarlo.results.ensemble import Ensemble, Histories
 
 
 class Histogram(NamedTuple):

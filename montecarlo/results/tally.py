@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import PARTS, Counts, moments

@@ -10,9 +10,8 @@ from oracle import Block
 from fpk_rocking.analytics.orbits import _speeds, symmetric_orbits
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock
+from fpk_rocking.physics.motion.equation import KernelBlock, segment_from_particular
 from fpk_rocking.physics.motion.events import advance_through_events
-from fpk_rocking.physics.motion.segment import segment_from_particular
 
 CUTOFF = math.pi / 2
 STABLE = [(1.5, 2.7, 0.5), (3.0, 3.0, 0.9), (5.0, 5.0, 0.925)]

@@ -71,7 +71,7 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.segment import Segment, force_from_particular
+from fpk_rocking.physics.motion.equation import Segment, force_from_particular
 
 @kernel
 def make(particular, force, duration):

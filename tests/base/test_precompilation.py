@@ -13,12 +13,12 @@ import types
 
 import pytest
 
+from fpk_rocking import least_runs
 from fpk_rocking.base import jit, precompilation
-from fpk_rocking.density import precompilation as density_tasks
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
 from fpk_rocking.studies.tasks import TASKS, kernels_of
-from montecarlo import precompilation as engine_tasks
+from montecarlo import simulation
 from montecarlo.engines import ENGINES, engine_of, exact, filtered, rk4, task_of, white
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -109,7 +109,7 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-WHITE, FLIGHT = "montecarlo.precompilation:white", "fpk_rocking.density.precompilation:flight"
+WHITE, FLIGHT = "fpk_rocking.least_runs:white", "fpk_rocking.least_runs:free_flight"
 
 
 def test_every_engine_and_every_call_has_its_task():
@@ -132,22 +132,24 @@ def test_every_engine_and_every_call_has_its_task():
 def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
     seen = []
     monkeypatch.setattr(
-        engine_tasks, "simulate", lambda scene, method, **_: seen.append(task_of(engine_of(scene, method), scene))
+        simulation, "simulate", lambda scene, method, **_: seen.append(task_of(engine_of(scene, method), scene))
     )
-    tasks = [task for task in precompilation.TASKS if task.startswith("montecarlo.precompilation:")]
+    runs = {task: getattr(least_runs, task.rpartition(":")[2]) for task in precompilation.TASKS}
+    tasks = [task for task, run in runs.items() if getattr(run, "func", None) is least_runs.paths]
+    assert len(tasks) == 9
     for task in tasks:
-        getattr(engine_tasks, task.rpartition(":")[2])()
+        runs[task]()
     assert seen == tasks
 
 
 @pytest.mark.parametrize(
     ("task", "asked"),
     [
-        ("fpk_rocking.density.precompilation:solve", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
-        ("fpk_rocking.density.precompilation:solve_exact", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
+        ("fpk_rocking.least_runs:density", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
+        ("fpk_rocking.least_runs:density_exact", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
-        ("montecarlo.precompilation:exact", ["mc", "--method", "exact", "--cycles", "2"]),
-        ("montecarlo.precompilation:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
+        ("fpk_rocking.least_runs:exact", ["mc", "--method", "exact", "--cycles", "2"]),
+        ("fpk_rocking.least_runs:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
     ],
 )
 def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
@@ -185,8 +187,8 @@ def test_free_flight_is_compiled_for_the_degree_that_the_solver_ends_at(monkeypa
         seen.append(space.degree)
         return types.SimpleNamespace(apply=lambda *_: None)
 
-    monkeypatch.setattr(density_tasks, "FreeFlight", free_flight)
-    density_tasks.flight()
+    monkeypatch.setattr("fpk_rocking.density.step.free_flight.FreeFlight", free_flight)
+    least_runs.free_flight()
     assert seen == [RESOLUTIONS[USUAL[1e-3]].degree]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Scene, solve_fpk
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.physics.motion.flight import flight_covariance
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.scene import Block, Harmonic, Overturning, WhiteNoise

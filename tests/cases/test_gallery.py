@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image, PngImagePlugin
 
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 
 ROOT = pathlib.Path(__file__).parents[2]
 SPEC = importlib.util.spec_from_file_location("gallery", ROOT / "cases" / "gallery.py")
@@ -20,14 +20,14 @@ SPEC.loader.exec_module(gallery)
 def test_every_case_is_in_it():
     cases = {path.stem for path in (ROOT / "cases").glob("*.py")} - {"command", "gallery", "motion", "opengl", "view"}
     assert set(gallery.PICTURES) == cases
-    for name, pictures in gallery.PICTURES.items():
+    for name, drawn in gallery.PICTURES.items():
         text = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
-        assert all(f"``{picture}``" in text for picture in pictures), name
+        assert all(f"``{picture}``" in text for picture in drawn), name
         assert len(text.partition("\n")[0]) <= 3 + 50, f"{name}: the title has to fit the navigation of the site"
 
 
 def test_gallery_holds_these_pictures_and_the_documents_show_no_others():
-    kept = {name for pictures in gallery.PICTURES.values() for name in pictures.values()}
+    kept = {name for drawn in gallery.PICTURES.values() for name in drawn.values()}
     kept |= {gallery.numbers_of(name) for name in gallery.PICTURES}
     files = list((ROOT / "docs" / "gallery").iterdir())
     assert {path.name for path in files} == kept
@@ -49,7 +49,7 @@ def test_reduced_pictures_keep_their_lines_and_titles(tmp_path, monkeypatch, lar
     monkeypatch.setattr(gallery, "LARGEST", largest)
     pixels = np.empty((900, 1500, 3), dtype=np.uint8)
     pixels[:] = np.linspace(90, 255, 1500)[None, :, None]
-    line = tuple(int(style.COLOURS[1][place : place + 2], 16) for place in (1, 3, 5))
+    line = tuple(int(pictures.COLOURS[1][place : place + 2], 16) for place in (1, 3, 5))
     pixels[400:406] = line
     about = PngImagePlugin.PngInfo()
     about.add_itxt("Title", "σ falls")

@@ -9,11 +9,10 @@ from density_operators import affine, flight_noise, scene_of
 
 from fpk_rocking import Harmonic, solve_fpk
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.base.threads import at_most, thread_count
-from fpk_rocking.density.gaussian import Gaussian
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.mesh import graded_lines
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.base.jit import at_most, thread_count
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.patches import Gaussian
+from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.physics.motion.flight import shear_diffusion_variances

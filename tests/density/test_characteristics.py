@@ -12,7 +12,7 @@ import pytest
 from density_operators import affine, flight_noise, flow
 
 from fpk_rocking import Harmonic
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature
 from fpk_rocking.physics.motion import impact as saltation

@@ -25,15 +25,14 @@ from fpk_rocking import (
     solve_fpk,
 )
 from fpk_rocking.density import solver
+from fpk_rocking.density.density import Density
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, filtered_discretization
-from fpk_rocking.density.filtered import FilteredPropagator
-from fpk_rocking.density.filtered_start import FilteredStart
-from fpk_rocking.density.notices import warn_unresolved
-from fpk_rocking.density.refinement import bins_tolerance
-from fpk_rocking.density.resolution import RESOLUTIONS, explore
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.filtered import FilteredPropagator, FilteredStart
+from fpk_rocking.density.refinement import warn_unresolved
+from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore
+from fpk_rocking.density.space import velocity_bound
+from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -373,3 +372,27 @@ def test_piecewise_constant_noise_is_of_second_order_in_flight():
         density = Density(run.space, run.propagate(scene.period * np.arange(2)).coefficients[1])
         errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("start", "amplitude", "rests"),
+    [
+        (Start(), 0.9, True),
+        (Start(), 3.0, False),
+        (Start(0.1), 0.9, False),
+        (Start(0.0, 0.1), 0.9, False),
+        (Start(0.0, 0.0, ((1e-4, 0.0), (0.0, 1e-4))), 0.9, False),
+    ],
+)
+def test_a_start_is_at_rest_where_only_noise_can_lift_the_block(start, amplitude, rests):
+    scene = Scene(Block(0.5), Harmonic(amplitude, 2.0), FilteredNoise("exponential", 0.01, 1.0), start)
+    dynamics = Dynamics(scene.forcing, 0.0, 0.5, scene.overturning.angle)
+    assert FilteredStart(scene, Nodes(scene.noise, (3,)), dynamics).at_rest is rests
+
+
+@pytest.mark.parametrize(("clear", "fine", "last"), [(0.55, 9.0, 5), (0.55, 0.25, 3), (0.05, 9.0, 0), (9.0, 9.0, 8)])
+def test_the_mesh_takes_over_before_anything_can_happen_or_once_it_resolves(clear, fine, last, monkeypatch):
+    """Steps of a tenth: nothing happens until `clear`, and the Gaussian is resolved from `fine` on."""
+    monkeypatch.setattr(FilteredStart, "undisturbed", lambda _, time: time < clear)
+    monkeypatch.setattr(FilteredStart, "resolution", lambda _, time, __: float(time > fine))
+    assert FilteredStart.__new__(FilteredStart).takeover_step(None, 0.1 * np.arange(9)) == last

@@ -11,7 +11,7 @@ import pytest
 from fpk_rocking import Evolution, load_scene, solve_fpk
 from fpk_rocking.density.evolution import near_rest
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import remarks
 from fpk_rocking.scene import Block, NoNoise, Start, WhiteNoise

@@ -12,10 +12,9 @@ from numpy.polynomial import legendre
 
 from fpk_rocking import Harmonic
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.density.gaussian import Gaussian
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.mesh import graded_lines
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.patches import Gaussian
+from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.gaussian import Gaussian
-from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.patches import Gaussian
+from fpk_rocking.density.space import Space, graded_lines, velocity_bound
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.scene import WhiteNoise

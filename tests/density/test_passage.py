@@ -8,8 +8,8 @@ import pytest
 from density_operators import affine, flight_noise
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.gaussian import Gaussian
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.patches import Gaussian
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.scene import Harmonic, Overturning

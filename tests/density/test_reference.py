@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.refinement import bins_tolerance
+from fpk_rocking.density.resolution import bins_tolerance
 
 
 @pytest.fixture(scope="module")

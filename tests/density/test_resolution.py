@@ -9,7 +9,7 @@ import pytest
 
 from fpk_rocking import Block, Harmonic, Overturning, Pulse, Scene, Start, WhiteNoise, solve_fpk
 from fpk_rocking.density.resolution import RESOLUTIONS, StateRange, explore
-from fpk_rocking.density.space.mesh import velocity_bound
+from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Harmonics
 from montecarlo import histories

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density import notices, refinement, resolution, solver
-from fpk_rocking.density.periodic import PeriodicPropagator
-from fpk_rocking.density.propagator import Solution
+from fpk_rocking.density import refinement, resolution, solver
+from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, StateRange, explore
-from fpk_rocking.density.space.mesh import velocity_bound
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space, velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Block, Harmonic, Pulse, Start, WhiteNoise
 
@@ -157,12 +155,12 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     """Seconds of one processor grow with the cycles; the paths are those of a standard error below the tolerance."""
     times = MAIN.period * np.arange(11)
     mesh = mesh_of(MAIN, RESOLUTIONS[2])
-    few, many = (notices.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
+    few, many = (refinement.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
     assert 10.0 * few < many < 100.0 * few
-    notices.announce(MAIN, [mesh], times, 1e-2)
+    refinement.announce(MAIN, [mesh], times, 1e-2)
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(notices, "estimated_seconds", lambda *_: 26.0)
-    notices.announce(MAIN, [mesh, mesh], times, 1e-2)
+    monkeypatch.setattr(refinement, "estimated_seconds", lambda *_: 26.0)
+    refinement.announce(MAIN, [mesh, mesh], times, 1e-2)
     said = capsys.readouterr().err
     assert "about 50 s of one processor" in said
     assert "10,000 sampled paths give a standard error of 0.005" in said
@@ -170,10 +168,10 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
 
 def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys):
     """By what the one before took; the first three are told of together."""
-    monkeypatch.setattr(notices, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
-    notices.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
+    monkeypatch.setattr(refinement, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
+    refinement.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
     assert capsys.readouterr().err == ""
-    notices.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
+    refinement.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
     assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
     announced = []
     monkeypatch.setattr(solver, "announce", lambda *_: None)
@@ -197,10 +195,10 @@ def test_a_mesh_goes_beyond_the_fastest_paths():
 
 
 def test_default_tolerances_depend_on_whether_the_scene_repeats():
-    usual = refinement.bins_tolerance(1e-3)
+    usual = resolution.bins_tolerance(1e-3)
     assert solver._tolerances(MAIN, None, None) == (1e-3, usual, usual)
     once = types.SimpleNamespace(repeats=False)
-    assert solver._tolerances(once, None, None) == (1e-2, math.inf, refinement.bins_tolerance(1e-2))
+    assert solver._tolerances(once, None, None) == (1e-2, math.inf, resolution.bins_tolerance(1e-2))
     assert solver._tolerances(once, 1e-3, 0.1) == (1e-3, 0.1, 0.1)
     assert solver._tolerances(once, 1e-3, math.inf) == (1e-3, math.inf, math.inf)
 

@@ -10,9 +10,8 @@ from scipy.integrate import quad
 from skfem import Basis, BilinearForm, Functional, MeshQuad
 from skfem.element import ElementQuad0
 
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.mesh import graded_lines, patch_lines, velocity_bound
-from fpk_rocking.density.space.space import Space, legendre_element
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.space import Space, graded_lines, legendre_element, patch_lines, velocity_bound
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.targets import locate_point
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise

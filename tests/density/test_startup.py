@@ -7,12 +7,10 @@ import pytest
 from density_operators import REST, affine, flight_noise, scene_of
 
 from fpk_rocking import solve_fpk
-from fpk_rocking.density.gaussian import Gaussian
-from fpk_rocking.density.patches import moment_sums, patch_of
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.patches import Gaussian, moment_sums, patch_of
 from fpk_rocking.density.resolution import PatchSettings
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.mesh import graded_lines
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.startup import StartUp, takeover_step
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.dynamics import Dynamics

@@ -15,11 +15,10 @@ from skfem import BilinearForm
 from traced import path_ends
 
 from fpk_rocking.base.basis import gauss_hermite_product
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.cells import event_cells
 from fpk_rocking.density.step.characteristics import Noise
-from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.dynamics import Dynamics, event_cells
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.remap import places_of_ends
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, overlapping_cells, with_neighbours

@@ -9,9 +9,8 @@ from density_operators import affine, flight_noise
 from numpy.polynomial.legendre import legvander
 
 from fpk_rocking import Harmonic, load_scene
-from fpk_rocking.base.threads import at_most, thread_count
-from fpk_rocking.density.space.mesh import graded_lines, velocity_bound
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.base.jit import at_most, thread_count
+from fpk_rocking.density.space import Space, graded_lines, velocity_bound
 from fpk_rocking.density.step import scatter
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step

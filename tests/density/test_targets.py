@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking.base.basis import legendre_basis
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.targets import Targets, gather_cell, scatter_cell
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 
 CYCLES, PATHS = 150, 400
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))

@@ -17,7 +17,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.results import sampling as distances
-from fpk_rocking.results.binning import joint_edges, shown_edges
+from fpk_rocking.results.grids import joint_edges, shown_edges
 from montecarlo import Ensemble, Histories, Splitting, Tally
 from montecarlo.results.counts import PARTS, Counts
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fpk_rocking.density.step.cells import GaussPoints
 from fpk_rocking.density.step.characteristics import trace_cells
+from fpk_rocking.density.step.dynamics import GaussPoints
 
 
 def path_ends(x, v, side, segment, block, noise):

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from fpk_rocking import Harmonic
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING

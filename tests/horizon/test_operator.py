@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from fpk_rocking import CycleOperator, NoNoise, Start, WhiteNoise, load_scene
-from fpk_rocking.density.space.space import reflected
+from fpk_rocking.density.space import reflected
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon import mesh_operator
 from fpk_rocking.horizon.mesh_operator import bound_for_all_phases

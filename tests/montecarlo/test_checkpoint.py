@@ -10,7 +10,7 @@ import tracemalloc
 import pytest
 
 from fpk_rocking import cli
-from fpk_rocking.base.threads import at_most
+from fpk_rocking.base.jit import at_most
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene, WhiteNoise
 from montecarlo import Tally, simulate, simulation, tally
 from montecarlo.engines import batches

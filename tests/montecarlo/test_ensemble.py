@@ -1,4 +1,4 @@
-"""Ensembles as results: counts, bins, files, refusals; and the statistics of survival."""
+"""Ensembles and histories as results: counts, bins, files, refusals; and the statistics of survival."""
 
 import dataclasses
 import math
@@ -9,9 +9,24 @@ import pytest
 from scipy import stats
 from two_samples import survival_test
 
+from fpk_rocking.envelopes import Table
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.equation import block_of_scene, segment_from_particular
+from fpk_rocking.physics.motion.events import ImpactRecord, advance_through_events
 from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.scene.scene import load_scene
-from montecarlo import Ensemble, correlation_dimension, simulate
+from fpk_rocking.scene import (
+    BandNoise,
+    Block,
+    FilteredNoise,
+    Harmonic,
+    NoNoise,
+    Overturning,
+    Scene,
+    Start,
+    load_scene,
+)
+from montecarlo import Ensemble, Histories, correlation_dimension, histories, simulate, simulation
+from montecarlo.engines import batches
 
 SCENE = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
 
@@ -172,3 +187,186 @@ def test_correlation_dimension_of_known_sets():
         correlation_dimension(line, 0.1, 0.1)
     with pytest.raises(ValueError, match=r"points: got 'an array of shape \(3,\)', accepted"):
         correlation_dimension([1.0, 2.0, 3.0], 0.1, 0.2)
+
+
+SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
+MAIN = load_scene(SCENES / "main.toml")
+WHITE = MAIN.white_equivalent()
+ORBIT = dataclasses.replace(load_scene(SCENES / "fig05.toml"), noise=NoNoise())
+
+
+def exact(scene, x, v, side, times):
+    """States at ascending times and the impacts up to the last, by closed-form flights of the noise-free motion."""
+    forcing, t = scene.forcing, 0.0
+    impacts, states = ImpactRecord(np.zeros(1, np.int64), np.empty(200), np.empty(200)), [(x, v)]
+    for end in times[1:]:
+        while t < end:
+            span = min(end - t, 0.1)
+            segment = segment_from_particular(forcing.pieces([t])[0], np.empty(TERMS), span)
+            numbers = (0.0, span, block_of_scene(scene), impacts, t)
+            x, v, side, _ = advance_through_events(x, v, side, segment, *numbers)
+            t = end if span < 0.1 else t + span
+        states.append((x, v))
+    count = impacts.count[0]
+    return np.array(states).T, impacts.time[:count], impacts.velocity[:count]
+
+
+@pytest.mark.parametrize(("method", "samples"), [("rk4", 16), ("rk4", 7), ("exact", 7)])
+def test_states_and_impacts_are_those_of_the_exact_motion(method, samples):
+    """Between steps too: 7 samples do not fit 400 steps. Two cycles, before small errors have grown."""
+    run = histories(ORBIT, cycles=2, method=method, steps_per_cycle=400, samples_per_cycle=samples)
+    states, time, velocity = exact(ORBIT, 0.0, 0.0, 1, run.time)
+    assert run.time == pytest.approx(np.arange(2 * samples + 1) * ORBIT.period / samples)
+    assert run.angle[0] == pytest.approx(states[0], abs=1e-7)
+    assert run.velocity[0] == pytest.approx(states[1], abs=1e-7)
+    assert run.impacts.tolist() == [time.size]
+    assert run.impact_time == pytest.approx(time, abs=1e-7)
+    assert run.impact_velocity == pytest.approx(velocity, abs=1e-7)
+    assert time.size == 3
+
+
+@pytest.mark.parametrize(
+    ("scene", "method", "samples"),
+    [(MAIN, "rk4", 100), (MAIN, "rk4", 7), (MAIN, "exact", 100), (MAIN, "exact", 7), (WHITE, "white", 16)],
+)
+def test_realizations_are_those_of_an_ensemble(scene, method, samples):
+    asked = {"cycles": 6, "realizations": 80, "seed": 4, "method": method, "steps_per_cycle": 100}
+    run, ensemble = histories(scene, samples_per_cycle=samples, **asked), simulate(scene, **asked)
+    for own, other in zip(run.poincare(), (ensemble.angle, ensemble.velocity), strict=True):
+        assert own.tobytes() == other.tobytes()
+    assert run.overturn_time.tobytes() == ensemble.overturn_time.tobytes()
+    assert run.overturn_side.tobytes() == ensemble.overturn_side.tobytes()
+    standing = run.time <= np.where(np.isnan(run.overturn_time), np.inf, run.overturn_time)[:, None]
+    assert np.array_equal(np.isfinite(run.angle), standing)
+    assert 0 < np.count_nonzero(run.overturn_side) < 80
+    assert (run.realizations, run.cycles) == (80, 6)
+
+
+PIECES = Table((0.0, 0.31, 0.32, 1.7, 3.1), (1.0, 1.5, 0.3, 1.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("scene", "method"),
+    [
+        (MAIN, "rk4"),
+        (MAIN, "exact"),
+        (WHITE, "white"),
+        (MAIN.varied(noise=BandNoise(0.04, (0.0, 10.0), 20, envelope=PIECES)), "exact"),
+        (MAIN.varied(noise=FilteredNoise("low-pass", 0.04, 6.0, 0.7, PIECES)), "filtered"),
+    ],
+    ids=["rk4", "exact", "white", "enveloped", "filtered"],
+)
+def test_every_impact_turns_the_side(scene, method):
+    """Between two samples the side has changed as often as there were impacts, and each impact is from its side."""
+    run = histories(scene, cycles=3, realizations=50, method=method, samples_per_cycle=64)
+    for r in range(50):
+        mine = run.impact_realization == r
+        time, velocity = run.impact_time[mine], run.impact_velocity[mine]
+        assert np.all(np.diff(time) >= 0.0)
+        assert np.all(velocity[1:] * velocity[:-1] <= 0.0)
+        angle = run.angle[r][np.isfinite(run.angle[r])]
+        times = run.time[: angle.size]
+        before = np.searchsorted(time, times, side="right")
+        odd = np.diff(before) % 2 == 1
+        apart = (np.abs(angle[1:]) > 1e-3) & (np.abs(angle[:-1]) > 1e-3)
+        assert np.array_equal((angle[1:] * angle[:-1] < 0.0)[apart], odd[apart])
+
+
+def test_no_impact_is_dropped_where_there_are_many():
+    """A block rattles at 1e4 impacts a cycle or so: more than there is space for at first."""
+    scene = Scene(Block(0.999), Harmonic(0.0, 0.05), NoNoise(), Start(1e-4))
+    few = next(batches.simulate_batches(batches.checked_run(scene, 1, 2, 1, None, 400), capacity=3)).impacts
+    run = histories(scene, cycles=1, realizations=2, steps_per_cycle=400)
+    assert few.count.tolist() == run.impacts.tolist()
+    assert run.impacts[0] > 1000
+    assert np.array_equal(few.time[0], run.impact_time[:3])
+    # Two flights of one speed under the force 1 take 2 w each: the second impact comes at 3 sqrt(2 x0).
+    assert run.impact_time[:2] == pytest.approx([math.sqrt(2e-4), 3.0 * math.sqrt(2e-4)], rel=2e-3)
+    assert np.abs(run.impact_velocity[0]) == pytest.approx(math.sqrt(2e-4), rel=1e-3)
+
+
+def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_for(monkeypatch):
+    scene = Scene(Block(0.9), Harmonic(1.2, 2.0), BandNoise(0.1, (0.0, 6.0), 20))
+    roomy = histories(scene, cycles=1, realizations=20)
+    capacity = 10
+    assert roomy.impacts.min() < capacity < roomy.impacts.max()
+    monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(impacts_per_cycle=capacity))
+    again = histories(scene, cycles=1, realizations=20)
+    for name in ("angle", "impact_realization", "impact_time", "impact_velocity"):
+        assert getattr(again, name).tobytes() == getattr(roomy, name).tobytes()
+
+
+@pytest.mark.parametrize("method", ["rk4", "exact"])
+def test_a_run_from_a_later_cycle_goes_on_with_the_same_noise(method):
+    """Band noise: restarted at kT from where it was, a realization repeats itself, with times from τ = 0."""
+    complete = histories(MAIN, cycles=20, realizations=60, seed=3, method=method, samples_per_cycle=1)
+    angle, velocity = complete.poincare()
+    r = np.flatnonzero(complete.overturn_side == 0)[0]
+    for cycle in (1, 5, 18):
+        scene = dataclasses.replace(MAIN, start=Start(angle[r, cycle], velocity[r, cycle]))
+        run = batches.checked_run(scene, 1, r + 1, 3, method, 200)
+        batch = next(batches.simulate_batches(run, r, capacity=50, cycle=cycle))
+        assert batch.angle[0, 1] == pytest.approx(angle[r, cycle + 1], abs=1e-9)
+        assert batch.velocity[0, 1] == pytest.approx(velocity[r, cycle + 1], abs=1e-9)
+        begin, end = cycle * MAIN.period, (cycle + 1) * MAIN.period
+        during = (complete.impact_realization == r) & (complete.impact_time >= begin) & (complete.impact_time < end)
+        assert batch.impacts.time[0, : batch.impacts.count[0]] == pytest.approx(complete.impact_time[during], abs=1e-9)
+
+
+@pytest.mark.parametrize("method", ["rk4", "exact"])
+def test_a_long_run_from_a_later_cycle_keeps_its_noise(method):
+    """Over 50 cycles, in which the noise's rotations are begun anew; weak forcing, so that the start is forgotten."""
+    scene = Scene(Block(0.5), Harmonic(0.2, 2.7), BandNoise(0.3, (0.0, 10.0), 40))
+    complete = histories(scene, cycles=57, seed=3, method=method, samples_per_cycle=1)
+    run = batches.checked_run(scene, 50, 1, 3, method, 200)
+    late = next(batches.simulate_batches(run, capacity=1000, cycle=7)).impacts
+    late_impacts = complete.impact_time[
+        (complete.impact_time > 20.0 * scene.period) & (np.abs(complete.impact_velocity) > 1e-3)
+    ]
+    time, speed = late.time[0, : late.count[0]], np.abs(late.velocity[0, : late.count[0]])
+    other = time[(time > 20.0 * scene.period) & (speed > 1e-3)]
+    assert late_impacts.size == other.size > 50
+    assert late_impacts == pytest.approx(other, abs=1e-6)
+    assert late_impacts[-1] > 50.0 * scene.period
+
+
+def test_white_paths_of_a_later_cycle_are_others():
+    run = batches.checked_run(WHITE, 1, 40, 3, None, 200)
+    first, second = (next(batches.simulate_batches(run, cycle=cycle)) for cycle in (0, 1))
+    assert not np.any(first.angle[:, 1] == second.angle[:, 1])
+    scene = dataclasses.replace(WHITE, start=Start(1.4, 0.8))
+    later = next(batches.simulate_batches(batches.checked_run(scene, 1, 40, 3, None, 200), cycle=7))
+    assert np.all(later.overturn_time > 7.0 * scene.period)
+
+
+def test_saved_histories_come_back(tmp_path):
+    run = histories(MAIN, cycles=1, realizations=3, steps_per_cycle=20, samples_per_cycle=4)
+    run.save(tmp_path / "histories.npz")
+    loaded = Histories.load(tmp_path / "histories.npz")
+    for field in dataclasses.fields(Histories):
+        kept, read = getattr(run, field.name), getattr(loaded, field.name)
+        assert read.tobytes() == kept.tobytes() if isinstance(kept, np.ndarray) else read == kept
+    with pytest.raises(ValueError, match="read-only"):
+        loaded.angle[0, 0] = 1.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "error", "message"),
+    [
+        ({"samples_per_cycle": 0}, ValueError, "samples_per_cycle: got 0, accepted: a whole number >= 1"),
+        ({"samples_per_cycle": 2.5}, TypeError, "samples_per_cycle: got 2.5"),
+        ({"realizations": 0}, ValueError, "realizations: got 0"),
+        ({"method": "white"}, ValueError, "method: got 'white'"),
+    ],
+)
+def test_refusals_of_histories_name_the_parameter(changed, error, message):
+    with pytest.raises(error, match=message):
+        histories(MAIN, **{"cycles": 1} | changed)
+
+
+def test_overturning_ends_a_history():
+    scene = dataclasses.replace(ORBIT, start=Start(1.2, 1.0), overturning=Overturning(1.5))
+    run = histories(scene, cycles=1, samples_per_cycle=50)
+    assert np.array_equal(np.isfinite(run.angle[0]), run.time < run.overturn_time[0])
+    assert np.nanmax(run.angle) < 1.5
+    assert run.impact_time.size == 0

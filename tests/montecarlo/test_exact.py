@@ -9,7 +9,7 @@ import pytest
 from mp_scenes import compare, follow_scene, random_scenes
 
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.base.threads import at_most, thread_count
+from fpk_rocking.base.jit import at_most, thread_count
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start, load_scene
 from montecarlo import histories, simulate
 

@@ -13,7 +13,7 @@ from stepped_paths import soil, survival
 from two_samples import survival_test
 
 from fpk_rocking import CloughPenzien, CycleOperator, FilteredNoise, LinearFilter, NoNoise, Start, load_scene
-from fpk_rocking.base.threads import at_most, thread_count
+from fpk_rocking.base.jit import at_most, thread_count
 from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Overturning, Scene

@@ -9,12 +9,11 @@ import pytest
 from two_samples import survival_test
 
 import montecarlo
-from fpk_rocking.base.threads import at_most, thread_count
+from fpk_rocking.base.jit import at_most, thread_count
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock
+from fpk_rocking.physics.motion.equation import KernelBlock, segment_from_particular
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.physics.motion.impact import side_of_start
-from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Scene, Start
 
 simulate = functools.partial(montecarlo.simulate, method="rk4")

@@ -6,14 +6,19 @@ import numpy as np
 import oracle
 import pytest
 
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.threads import at_most, thread_count
+from fpk_rocking.base.jit import at_most, kernel, thread_count
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Splitting, simulate, split
-from montecarlo.engines.levels import allocate_population, raise_level, record_score
 from montecarlo.engines.random import open_stream, stream_keys, uniform
-from montecarlo.engines.walkers import ScoreTable, score_of_state, score_table
+from montecarlo.engines.walkers import (
+    ScoreTable,
+    allocate_population,
+    raise_level,
+    record_score,
+    score_of_state,
+    score_table,
+)
 from montecarlo.tuning import TUNING
 
 REST = Start()

@@ -25,7 +25,7 @@ from fpk_rocking.scene import (
 from montecarlo import histories, simulate
 from montecarlo.engines import rk4
 from montecarlo.engines.band_noise import draw_start_and_noise
-from montecarlo.engines.barrier_steps import nystrom_step
+from montecarlo.engines.barriers import nystrom_step
 from montecarlo.engines.random import open_stream, stream_keys
 from montecarlo.engines.rk4 import classical_step
 

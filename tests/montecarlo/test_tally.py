@@ -9,7 +9,7 @@ import pytest
 
 from fpk_rocking.compare import compare
 from fpk_rocking.results import storage
-from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from montecarlo import Tally, simulate, tally
 from montecarlo.engines import batches

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from two_samples import survival_test
 
-from fpk_rocking.base.threads import at_most, thread_count
+from fpk_rocking.base.jit import at_most, thread_count
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock
+from fpk_rocking.physics.motion.equation import KernelBlock, segment_from_particular
 from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
-from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.scene import Block, Harmonic, Scene, Start, WhiteNoise
 from montecarlo import histories, simulate
 from montecarlo.engines import white

@@ -10,8 +10,8 @@ import pytest
 from made_results import SAMPLES, WITH_ROWS, equal, kind
 from matplotlib.figure import Figure
 
-from fpk_rocking.output import curves, densities, vtk
-from fpk_rocking.results import style
+from fpk_rocking.output import figures, vtk
+from fpk_rocking.results import pictures
 from fpk_rocking.studies.picture import draw_surface
 from montecarlo.poincare import MeanMap
 from montecarlo.results.statistics import Histogram
@@ -54,11 +54,11 @@ def test_pictures_of_survival_and_bins(name):
 
 
 def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypatch):
-    figures = []
-    monkeypatch.setattr(style, "save", lambda figure, path: figures.append(figure) or path)
+    saved = []
+    monkeypatch.setattr(pictures, "save", lambda figure, path: saved.append(figure) or path)
     density, sample = kind("density"), kind("ensemble")
-    curves.survival_figure(tmp_path / "survival.png", [density.result, sample.result], "Survival")
-    survival, tail, leakage, difference = figures[0].axes
+    figures.survival_figure(tmp_path / "survival.png", [density.result, sample.result], "Survival")
+    survival, tail, leakage, difference = saved[0].axes
     for axes in (survival, tail):
         equal(axes.lines[0].get_ydata(), density.columns["survival"])
         equal(axes.containers[0][0].get_ydata(), sample.columns["survival"])
@@ -71,9 +71,9 @@ def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypat
     wanted = kind("comparison").columns
     equal(difference.containers[0][0].get_ydata(), wanted["difference"])
     equal(bars(difference.containers[0])[1], wanted["difference"] + 1.96 * wanted["standard_error"])
-    densities.density_maps(tmp_path / "maps.png", [density.result, sample.result], [2, 140], "Maps")
+    figures.density_maps(tmp_path / "maps.png", [density.result, sample.result], [2, 140], "Maps")
     for axes, (columns, row) in zip(
-        figures[1].axes, ((result.columns, row) for result in (density, sample) for row in (2, 140)), strict=False
+        saved[1].axes, ((result.columns, row) for result in (density, sample) for row in (2, 140)), strict=False
     ):
         left, right = columns["overturned_left"][row], columns["overturned_right"][row]
         assert axes.get_title().endswith(f"overturned {left:.3f} left, {right:.3f} right")
@@ -180,8 +180,8 @@ def test_pictures_and_files_of_functions_of_the_plane(tmp_path):
 
 def test_the_picture_of_motions(tmp_path, monkeypatch):
     """Histories with impacts and overturning, points of the last cycle, their mean, and two histograms."""
-    figures = []
-    monkeypatch.setattr(style, "save", lambda figure, path: figures.append(figure) or path)
+    saved = []
+    monkeypatch.setattr(pictures, "save", lambda figure, path: saved.append(figure) or path)
     result, _, variables, _ = kind("histories")
     paths, states = result.realizations, kind("ensemble").variables
     few = {name: values for name, (_, values) in variables.items()}
@@ -189,9 +189,9 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
     means = MeanMap(rng.normal(size=(5, 2)), rng.uniform(size=(5, 2)), np.full(5, 9), None)
     bins = [Histogram(edges, np.zeros(3), *_with_limits(rng.uniform(1.0, 2.0, 3))) for _ in range(2)]
     motion.motion_figure(tmp_path / "motion.png", result, kind("ensemble").result, {"mean": means}, *bins, "Motions")
-    panels = {axes.get_title() or axes.get_ylabel(): axes for axes in figures[0].axes[paths:]}
-    assert [axes.get_title()[:3] for axes in figures[0].axes[:paths]] == ["(a)"] + [""] * (paths - 1)
-    for number, axes in enumerate(figures[0].axes[:paths]):
+    panels = {axes.get_title() or axes.get_ylabel(): axes for axes in saved[0].axes[paths:]}
+    assert [axes.get_title()[:3] for axes in saved[0].axes[:paths]] == ["(a)"] + [""] * (paths - 1)
+    for number, axes in enumerate(saved[0].axes[:paths]):
         curves = {line.get_marker(): line for line in axes.lines[3:]}
         equal(curves["None"].get_ydata(), few["angle"][number])
         equal(curves["o"].get_xdata(), few["impact_time"][few["impact_realization"] == number])

@@ -17,9 +17,9 @@ import pytest
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
 from fpk_rocking.base import files
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, densities, progress, report, tables
-from fpk_rocking.results import style
-from fpk_rocking.results.binning import joint_edges
+from fpk_rocking.output import figures, report, tables
+from fpk_rocking.results import pictures
+from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.pictures import edges_of
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
@@ -30,18 +30,18 @@ ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
 @pytest.fixture
 def drawn(monkeypatch):
     """The figures that were saved."""
-    figures, save = [], style.save
+    saved, save = [], pictures.save
 
     def keep(figure, path):
-        figures.append(figure)
+        saved.append(figure)
         return save(figure, path)
 
-    monkeypatch.setattr(style, "save", keep)
-    return figures
+    monkeypatch.setattr(pictures, "save", keep)
+    return saved
 
 
 def test_surfaces_of_both_engines(tmp_path, drawn):
-    path = densities.surface_figure(tmp_path / "fig06.png", [DENSITY, ENSEMBLE], [0, 2, 4, 10], "Both engines")
+    path = figures.surface_figure(tmp_path / "fig06.png", [DENSITY, ENSEMBLE], [0, 2, 4, 10], "Both engines")
     pixels = matplotlib.image.imread(path)
     assert pixels.shape[0] > 800
     (figure,) = drawn
@@ -71,7 +71,7 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
 
 
 def test_surface_is_the_mean_over_a_bin():
-    angle, velocity, heights = densities._bin_averages(DENSITY, 4)
+    angle, velocity, heights = figures._bin_averages(DENSITY, 4)
     place = np.argmin(np.hypot(angle - 0.2, velocity - 0.3))
     x, v = angle.flat[place], velocity.flat[place]
     inside = DENSITY.bin_probabilities(4, [x - 0.05, x + 0.05], [v - 0.05, v + 0.05])[0, 0]
@@ -79,7 +79,7 @@ def test_surface_is_the_mean_over_a_bin():
 
 
 def test_maps_of_both_engines(tmp_path, drawn):
-    densities.density_maps(tmp_path / "maps.png", [DENSITY, ENSEMBLE], [2, 4, 10], "Both engines")
+    figures.density_maps(tmp_path / "maps.png", [DENSITY, ENSEMBLE], [2, 4, 10], "Both engines")
     (figure,) = drawn
     panels, bars = figure.axes[:6], figure.axes[6:]
     assert len(bars) == 3
@@ -99,7 +99,7 @@ def test_maps_of_both_engines(tmp_path, drawn):
 
 def test_the_survival_figure_draws_survival_and_differences(tmp_path, drawn):
     white = fakes.FakeEnsemble(MAIN.white_equivalent(), realizations=3_000, method="white")
-    curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE, white], "Survival")
+    figures.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE, white], "Survival")
     (figure,) = drawn
     survival, tail, leakage, difference = figure.axes
     np.testing.assert_allclose(survival.lines[0].get_ydata(), DENSITY.survival)
@@ -115,15 +115,15 @@ def test_the_survival_figure_draws_survival_and_differences(tmp_path, drawn):
 
 
 def test_a_picture_says_what_it_shows_and_so_does_its_file(tmp_path, drawn):
-    path = curves.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE])
+    path = figures.survival_figure(tmp_path / "survival.png", [DENSITY, ENSEMBLE])
     apart = np.abs(ENSEMBLE.survival - DENSITY.survival).max()
     ends = f"{DENSITY.survival[-1]:.3f}, {ENSEMBLE.survival[-1]:.3f}"
     title = f"Survival in the end {ends}; the largest difference is {apart:.2g}"
     assert drawn[0].get_suptitle() == title
     with PIL.Image.open(path) as picture:
         assert picture.info["Title"] == title
-    assert style.title_size("x" * 10, 10.0) == 15.0
-    assert style.title_size("x" * 122, 10.0) == 10.0
+    assert pictures.title_size("x" * 10, 10.0) == 15.0
+    assert pictures.title_size("x" * 122, 10.0) == 10.0
 
 
 def test_each_of_several_verdicts_says_what_it_is_on():
@@ -168,8 +168,8 @@ def test_summary_refuses_nan(tmp_path):
 
 def test_progress_without_a_terminal_is_a_line_now_and_then(capsys, monkeypatch):
     clock = iter([0.0, 1.0, 11.0, 12.0, 30.0])
-    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
-    with progress.reporting("density") as report:
+    monkeypatch.setattr(tables.time, "monotonic", lambda: next(clock))
+    with tables.reporting("density") as report:
         for done in (1, 3, 4, 5):
             report(done, 5)
     captured = capsys.readouterr()
@@ -179,7 +179,7 @@ def test_progress_without_a_terminal_is_a_line_now_and_then(capsys, monkeypatch)
 
 def test_progress_in_a_terminal_is_a_bar_on_standard_error(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with progress.reporting("density") as report:
+    with tables.reporting("density") as report:
         report(1, 2)
         report(2, 2)
     captured = capsys.readouterr()

@@ -18,8 +18,7 @@ import pytest
 from fpk_rocking import BandNoise, Block, Harmonic, Scene, cli
 from fpk_rocking.compare import compare
 from fpk_rocking.output.report import left_out, write_report
-from fpk_rocking.results.pictures import edges_of
-from fpk_rocking.results.style import OVERTURNED
+from fpk_rocking.results.pictures import OVERTURNED, edges_of
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 DENSITY, ENSEMBLE = fakes.FakeEvolution(MAIN), fakes.FakeEnsemble(MAIN, realizations=2000)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Harmonic, Scene, Start
-from fpk_rocking.density.space.density import Density
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.density.density import Density
+from fpk_rocking.density.space import Space
 from fpk_rocking.output import vtk
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))

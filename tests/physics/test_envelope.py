@@ -25,9 +25,8 @@ from fpk_rocking import (
 )  # fmt: skip
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.envelopes import Exponential, Table, Trapezoid
-from fpk_rocking.physics.noise.envelope import mean_squares
+from fpk_rocking.physics.noise.envelope import envelope_pieces, mean_squares
 from montecarlo import simulate
-from montecarlo.engines.band_noise import envelope_pieces
 from montecarlo.poincare import restarted_poincare_map
 from montecarlo.splitting import split
 

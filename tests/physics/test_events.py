@@ -12,10 +12,9 @@ from scipy.optimize import brentq
 
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock
+from fpk_rocking.physics.motion.equation import KernelBlock, least_closing_time, segment_from_particular
 from fpk_rocking.physics.motion.events import Event, advance_through_events, next_event
 from fpk_rocking.physics.motion.flight import SERIES, _expand, flight_covariance, flight_end
-from fpk_rocking.physics.motion.segment import least_closing_time, segment_from_particular
 
 CUTOFF = math.pi / 2
 

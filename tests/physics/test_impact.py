@@ -8,10 +8,9 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import KernelBlock
+from fpk_rocking.physics.motion.equation import KernelBlock, segment_from_particular
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.physics.motion.impact import chatter_time
-from fpk_rocking.physics.motion.segment import segment_from_particular
 
 CUTOFF = math.pi / 2
 

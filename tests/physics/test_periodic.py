@@ -19,7 +19,7 @@ from fpk_rocking import (
     solve_fpk,
 )
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.segment import move_origin, value_and_slope
+from fpk_rocking.physics.motion.equation import move_origin, value_and_slope
 from montecarlo import histories, simulate, split, tally
 
 TWO = Harmonics(2.7, (2.4, 1.1), (0.0, 0.7))

@@ -12,7 +12,7 @@ import pytest
 
 from fpk_rocking import Block, Dimensions, Harmonic, NoNoise, Scene
 from fpk_rocking.base import files
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.results import storage
 from fpk_rocking.results.storage import Saved
 

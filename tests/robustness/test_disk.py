@@ -15,7 +15,7 @@ from test_fuzz_files import ASKED, EDGES, content, evolution
 
 from fpk_rocking import cli
 from fpk_rocking.base import files
-from fpk_rocking.output import curves, vtk
+from fpk_rocking.output import figures, vtk
 from fpk_rocking.studies import sweep
 from montecarlo import Ensemble, histories, simulate, tally
 
@@ -44,7 +44,7 @@ def writers():
         "histories": histories(**ASKED).save,
         "text": lambda path: files.write_text(path, "σ" * 4000),
         "summary": lambda path: files.write_json(path, {"survival": [0.5] * 1000}),
-        "figure": lambda path: curves.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
+        "figure": lambda path: figures.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
         "series": lambda path: vtk.write_series(path.parent, "jpdf", fake, [1, 2]),
     }
 

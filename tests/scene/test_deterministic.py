@@ -11,7 +11,7 @@ from scipy.integrate import quad
 
 from fpk_rocking import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, Start, WhiteNoise, cli
 from fpk_rocking.compare import compare
-from fpk_rocking.output import curves, tables
+from fpk_rocking.output import figures, tables
 from montecarlo import histories, mean_poincare_map, overturning_rate, restarted_poincare_map, simulate, tally
 from montecarlo.engines import exact
 
@@ -120,7 +120,7 @@ def test_no_output_has_an_interval(run, tmp_path, capsys):
     assert "95 %" not in path._repr_html_()
     assert path.plot("survival").axes[0].get_legend_handles_labels()[1] == ["Monte Carlo exact, one path"]
     assert "seed" not in " ".join(tables.result_table(path)[2]).lower()
-    curves.survival_figure(tmp_path / "one.png", [path, run(FALL, cycles=2, method="rk4")], "One path")
+    figures.survival_figure(tmp_path / "one.png", [path, run(FALL, cycles=2, method="rk4")], "One path")
 
 
 def test_comparing_paths_knows_no_chance():

@@ -13,7 +13,7 @@ import study_tasks
 
 from fpk_rocking.base import precompilation
 from fpk_rocking.envelopes import Trapezoid
-from fpk_rocking.output import progress as progress_lines
+from fpk_rocking.output import tables as progress_lines
 from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
 from fpk_rocking.studies import execution, grid, sweep
 from fpk_rocking.studies.execution import run_job, seed_of
@@ -88,7 +88,7 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
     white = SCENE.varied(noise=WhiteNoise(0.01))
     for workers in (1, 2):
         assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
-    assert begun == [(1, ()), (2, ("montecarlo.precompilation:exact", "montecarlo.precompilation:white"))]
+    assert begun == [(1, ()), (2, ("fpk_rocking.least_runs:exact", "fpk_rocking.least_runs:white"))]
 
 
 def test_kernels_are_those_of_the_engines_that_will_run():

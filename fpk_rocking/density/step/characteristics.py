@@ -23,10 +23,9 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.arrays import borrowed, scratch
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.threads import run_in_parts
+from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.cells import points_of_cell
+from fpk_rocking.density.step.dynamics import points_of_cell
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
@@ -37,6 +36,9 @@ from fpk_rocking.physics.motion.equation import (
     dispatch_on_block,
     force_factor,
     lift_off_level,
+    move_origin,
+    segment_from_particular,
+    value_and_slope,
 )
 from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
@@ -48,7 +50,6 @@ from fpk_rocking.physics.motion.events import (
 )
 from fpk_rocking.physics.motion.flight import flight_covariance, flight_end
 from fpk_rocking.physics.motion.impact import covariance_through_impact, displacement_through_impact, linearize_impact
-from fpk_rocking.physics.motion.segment import move_origin, segment_from_particular, value_and_slope
 
 
 class Noise(NamedTuple):

@@ -1,20 +1,24 @@
-"""Forcing, white noise and block of a scene as the time steps of the density take them."""
+"""What moves a block in a time step of the density, and the cells of the mesh that an event can reach.
+
+Forcing, white noise and block move it. Bounds of the motion tell the cells: from their Gauss points begin
+characteristics; all others are in free flight.
+"""
 
 import dataclasses
 import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import gravity_at_contact, tilt_angle
-from fpk_rocking.physics.motion.equation import KernelBlock
+from fpk_rocking.physics.motion.block import affine_flights, gravity_at_contact, tilt_angle
+from fpk_rocking.physics.motion.equation import KernelBlock, acceleration_bounds, force_factor, segment_from_particular
 from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
-from fpk_rocking.physics.motion.particular import affine_flights
-from fpk_rocking.physics.motion.segment import segment_from_particular
 from fpk_rocking.physics.noise.envelope import Envelope
 
 
@@ -151,3 +155,67 @@ class Dynamics:
 def _forcing_in_units_of(forcing, level):
     """Return a `Force` divided by a `level` of lift-off, the same object each time: it remembers its lift-offs."""
     return forcing.in_units_of(level)
+
+
+class GaussPoints(NamedTuple):
+    """Gauss points of a mesh: its lines, points (g,), (h,) on [0, 1] in a cell, and their weights.
+
+    The tables hold the shape functions there, (g, modes) and (h, modes).
+    """
+
+    angle_lines: np.ndarray
+    velocity_lines: np.ndarray
+    angle_points: np.ndarray
+    velocity_points: np.ndarray
+    angle_weights: np.ndarray
+    velocity_weights: np.ndarray
+    angle_table: np.ndarray
+    velocity_table: np.ndarray
+
+
+@kernel
+def points_of_cell(i, j, points):
+    """Side of cell (i, j), and angles (g,) and velocities (h,) of its Gauss points.
+
+    `points` are the `GaussPoints` of the mesh.
+    """
+    angle, velocity = points.angle_lines, points.velocity_lines
+    x = angle[i] + points.angle_points * (angle[i + 1] - angle[i])
+    v = velocity[j] + points.velocity_points * (velocity[j + 1] - velocity[j])
+    return (1 if angle[i] + angle[i + 1] > 0.0 else -1), x, v
+
+
+@kernel
+def is_event_free(low, high, slow, fast, side, segment, duration, block, margins):
+    """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return.
+
+    In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
+    to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end. `segment` is
+    the forcing over the step, of which bounds enter.
+    """
+    fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
+    least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
+    most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
+    if least <= margins[0]:
+        return False
+    # The pull towards x = 0 is weaker than there by what the angle has gained, times the cosine that turns it.
+    fall -= (least - margins[0]) * min(force_factor(0.0, side, block), force_factor(block.cutoff, side, block))
+    return most < block.cutoff - margins[0] or slow - max(fall, 0.0) * duration > margins[1]
+
+
+@kernel
+def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
+    """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool.
+
+    `margins` are what noise adds to angle and velocity within its `duration`, whose forcing is the `Segment`.
+    `angle_lines`, `velocity_lines` are those of the mesh.
+    """
+    marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
+    for i in range(marks.shape[0]):
+        side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1
+        low, high = min(abs(angle_lines[i]), abs(angle_lines[i + 1])), max(abs(angle_lines[i]), abs(angle_lines[i + 1]))
+        for j in range(marks.shape[1]):
+            slow, fast = side * velocity_lines[j], side * velocity_lines[j + 1]
+            slow, fast = min(slow, fast), max(slow, fast)
+            marks[i, j] = not is_event_free(low, high, slow, fast, side, segment, duration, block, margins)
+    return marks

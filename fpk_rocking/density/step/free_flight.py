@@ -20,18 +20,9 @@ import math
 import numpy as np
 
 from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
-from fpk_rocking.base.threads import run_in_parts
-from fpk_rocking.density.space.space import Space
-from fpk_rocking.density.step.remap import (
-    balanced_order,
-    join_sides,
-    mask_of,
-    prepare_remap,
-    ranges_of,
-    rows_along_angle,
-    target_range,
-    union,
-)
+from fpk_rocking.base.jit import run_in_parts
+from fpk_rocking.density.space import Space
+from fpk_rocking.density.step.remap import prepare_remap, target_range
 from fpk_rocking.density.step.shears import (
     AngleRows,
     LineTables,
@@ -93,7 +84,7 @@ class FreeFlight:
             by_half = [excess.shifts[side] - stretch * drift[side] for side in (-1, 1)]
             angles = stretch * angles + np.repeat(by_half, counts)[:, None]
             velocity_shears += stretch * duration * excess(angles, np.repeat([-1.0, 1.0], counts)[:, None])
-        all_cells, no_shift, one = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
+        all_cells, no_shift, no_spread = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
 
         first = ranges_of(rows_along_angle(free, middle))
         first_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, first)
@@ -110,7 +101,7 @@ class FreeFlight:
             own, own_weights = gauss_hermite(TUNING.narrow_nodes if is_narrow else nodes)
         wide = math.sqrt(variance) * wide
         sheared = target_range(space.velocity_lines, all_cells, velocity_shears, spreads, own, second)
-        diffused = target_range(space.velocity_lines, all_cells, no_shift, one, wide, sheared)
+        diffused = target_range(space.velocity_lines, all_cells, no_shift, no_spread, wide, sheared)
         third = ranges_of(rows_along_angle(mask_of(diffused, across), middle))
         third_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, third)
         degree, every = space.degree, ranges_of(mask_of(sheared, across).any(axis=0)[None])
@@ -122,7 +113,7 @@ class FreeFlight:
             space.velocity_lines, all_cells, velocity_shears, spreads, own, own_weights, degree, second
         )
         self.diffusion_remap = prepare_remap(
-            space.velocity_lines, all_cells[:1], no_shift, one, wide, wide_weights, degree, every
+            space.velocity_lines, all_cells[:1], no_shift, no_spread, wide, wide_weights, degree, every
         )
         self.first = AngleRows(balanced_order(first), first, first_targets)
         self.second = VelocityRows(balanced_order(second), second, sheared, diffused)
@@ -215,3 +206,45 @@ def _angle_shears(space, affine, diffusion, duration):
 def _line_points(lines, points):
     """Return the Gauss points (cells, n) of all cells between mesh lines, for `points` (n,) on [0, 1]."""
     return lines[:-1, None] + np.diff(lines)[:, None] * points
+
+
+def rows_along_angle(cells, middle):
+    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells).
+
+    Those of x < 0 come first: `middle` is the first angle cell with x > 0.
+    """
+    rows = np.concatenate([cells.T, cells.T])
+    rows[: cells.shape[1], middle:] = False
+    rows[cells.shape[1] :, :middle] = False
+    return rows
+
+
+def join_sides(rows):
+    """Return a mask (velocity cells, angle cells) from one by rows along the angle, see `rows_along_angle`."""
+    left, right = np.split(rows, 2)
+    return left | right
+
+
+def ranges_of(rows):
+    """Return ranges (rows, 2) of what a mask (rows, cells) marks: first, and one past the last; 0, 0 of nothing."""
+    ends = np.stack([rows.argmax(axis=1), rows.shape[1] - rows[:, ::-1].argmax(axis=1)], axis=1)
+    return np.where(rows.any(axis=1)[:, None], ends, 0)
+
+
+def mask_of(ranges, cells):
+    """Return a mask (rows, `cells`) of ranges (rows, 2), each a first cell and one past the last."""
+    places = np.arange(cells)
+    return (places >= ranges[:, :1]) & (places < ranges[:, 1:])
+
+
+def union(first, second):
+    """Return the ranges (rows, 2) that contain both of two ranges (rows, 2) in each row, `first` and `second`."""
+    empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
+    both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
+    return np.where(empty[0], second, np.where(empty[1], first, both))
+
+
+def balanced_order(ranges):
+    """Return the rows whose range (rows, 2) is not empty, in an order of which equal parts take about equal time."""
+    rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
+    return np.concatenate([rows[::2], rows[1::2]])

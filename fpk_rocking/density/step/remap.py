@@ -2,18 +2,17 @@
 
 A row holds the lines through the Gauss points of one row of cells: the cells that share an interval of the velocity, on
 one side of x = 0, or an interval of the angle. A function on a line is given by its values at the line's own Gauss
-points. Only what a row's active cells need is prepared. `remap_rows` applies the matrices.
+points. Only what a row's active cells need is prepared. Kernels that apply the matrices stand last.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.threads import run_in_parts
-from fpk_rocking.density.step.targets import legendre_at
+from fpk_rocking.base.jit import kernel, run_in_parts
+from fpk_rocking.density.step.targets import FASTMATH, MOST_MODES, legendre_at
 
 
 class Remap(NamedTuple):
@@ -40,48 +39,6 @@ class Remap(NamedTuple):
     blocks: np.ndarray
     end_places: np.ndarray
     end_masses: np.ndarray
-
-
-def rows_along_angle(cells, middle):
-    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells).
-
-    Those of x < 0 come first: `middle` is the first angle cell with x > 0.
-    """
-    rows = np.concatenate([cells.T, cells.T])
-    rows[: cells.shape[1], middle:] = False
-    rows[cells.shape[1] :, :middle] = False
-    return rows
-
-
-def join_sides(rows):
-    """Return a mask (velocity cells, angle cells) from one by rows along the angle, see `rows_along_angle`."""
-    left, right = np.split(rows, 2)
-    return left | right
-
-
-def ranges_of(rows):
-    """Return ranges (rows, 2) of what a mask (rows, cells) marks: first, and one past the last; 0, 0 of nothing."""
-    ends = np.stack([rows.argmax(axis=1), rows.shape[1] - rows[:, ::-1].argmax(axis=1)], axis=1)
-    return np.where(rows.any(axis=1)[:, None], ends, 0)
-
-
-def mask_of(ranges, cells):
-    """Return a mask (rows, `cells`) of ranges (rows, 2), each a first cell and one past the last."""
-    places = np.arange(cells)
-    return (places >= ranges[:, :1]) & (places < ranges[:, 1:])
-
-
-def union(first, second):
-    """Return the ranges (rows, 2) that contain both of two ranges (rows, 2) in each row, `first` and `second`."""
-    empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
-    both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
-    return np.where(empty[0], second, np.where(empty[1], first, both))
-
-
-def balanced_order(ranges):
-    """Return the rows whose range (rows, 2) is not empty, in an order of which equal parts take about equal time."""
-    rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
-    return np.concatenate([rows[::2], rows[1::2]])
 
 
 def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):
@@ -319,3 +276,125 @@ def blocks_to_point_values(begin, end, moments, values, blocks, basis):
     half = np.empty(values.shape)
     for b in range(begin, end):
         _block_to_point_values(b, moments, values, blocks, half, basis)
+
+
+_line_sums = scratch(1, MOST_MODES)
+
+
+@kernel(fastmath=FASTMATH)
+def remap_row(r, values, source, target, remap, moved, basis):
+    """Write to `moved` the values (cells, lines, modes) of the target cells of row r by `values` of its source cells.
+
+    `source`, `target`: first cell of each and the one after the last; `remap`: a `Remap`. `basis`, a tuple (modes,),
+    tells the compiler the number of modes.
+    """
+    origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
+    modes, shared = len(basis), first.shape[1] == 1
+    base, sums = origin[min(r, len(origin) - 1)], _line_sums()
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            for i in range(modes):
+                sums[0, i] = 0.0
+            for s in range(low, high):
+                for k in range(modes):
+                    value = values[s, q, k]
+                    for i in range(modes):
+                        sums[0, i] += blocks[block, k, i] * value
+                block += 1
+            for i in range(modes):
+                moved[c, q, i] = sums[0, i]
+
+
+@kernel(fastmath=FASTMATH)
+def adjoint_remap_row(r, values, source, target, remap, moved, basis):
+    """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r.
+
+    It is the adjoint of `remap_row`. `source`, `target`: first cell of each and the one after the last; `remap`: a
+    `Remap`. `basis`, a tuple (modes,), tells the compiler the number of modes.
+    """
+    origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
+    modes, shared = len(basis), first.shape[1] == 1
+    base = origin[min(r, len(origin) - 1)]
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            for s in range(low, high):
+                for k in range(modes):
+                    total = 0.0
+                    for i in range(modes):
+                        total += blocks[block, k, i] * values[c, q, i]
+                    moved[s, q, k] += total
+                block += 1
+
+
+@kernel(fastmath=FASTMATH)
+def mass_past_end(r, end, values, source, remap, masses):
+    """Write masses (lines,) of row r that pass an end, per size of their cells across; return whether any does.
+
+    `end`: 0 or 1 for the lower or the upper one; `values` (cells, lines, modes); `source`: first active cell and the
+    one after the last; `remap`: a `Remap`.
+    """
+    place = remap.end_places[min(r, len(remap.end_places) - 1), end]
+    if place < 0:
+        return False
+    ends = remap.end_masses[place]
+    for q in range(len(masses)):
+        line = ends[0 if len(ends) == 1 else q]
+        masses[q] = 0.0
+        for c in range(source[0], source[1]):
+            for k in range(len(masses)):
+                masses[q] += line[c, k] * values[c, q, k]
+    return True
+
+
+@kernel(fastmath=FASTMATH)
+def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
+    """Add to `moved` (cells, lines, modes) what passes an end of row r times `exit_values` (lines,).
+
+    It is the adjoint of `mass_past_end`. `end`: 0 or 1 for the lower or the upper one; `source`: first active cell and
+    the one after the last; `remap`: a `Remap`.
+    """
+    place = remap.end_places[min(r, len(remap.end_places) - 1), end]
+    if place < 0:
+        return
+    ends = remap.end_masses[place]
+    for q in range(len(exit_values)):
+        line = ends[0 if len(ends) == 1 else q]
+        for c in range(source[0], source[1]):
+            for k in range(len(exit_values)):
+                moved[c, q, k] += exit_values[q] * line[c, k]
+
+
+@kernel(fastmath=FASTMATH)
+def clamp_to_end(end, masses, target, edges, sizes, moved):
+    """Add masses (lines,) that passed an end of a row to its last cell, at the end itself (boundary clamp).
+
+    `end`: 0 or 1; `target`: the row's first cell and the one after the last; `edges` (2, modes): what a mass at an end
+    of a cell adds to its values; `sizes` (cells,); `moved` (cells, lines, modes) is added to.
+    """
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(masses)):
+        for i in range(len(masses)):
+            moved[cell, q, i] += masses[q] / sizes[cell] * edges[end, i]
+
+
+@kernel(fastmath=FASTMATH)
+def adjoint_clamp_to_end(end, values, target, edges, sizes, end_values):
+    """Write to `end_values` (lines,) those of a function at an end of a row, from `values` of its cells.
+
+    It is the adjoint of `clamp_to_end`. `end`: 0 or 1; `values` (cells, lines, modes); `target`: the row's first cell
+    and the one after the last; `edges` (2, modes): what a mass at an end of a cell adds to its values; `sizes`
+    (cells,).
+    """
+    cell = target[0] if end == 0 else target[1] - 1
+    for q in range(len(end_values)):
+        end_values[q] = 0.0
+        for i in range(len(end_values)):
+            end_values[q] += values[cell, q, i] * edges[end, i] / sizes[cell]

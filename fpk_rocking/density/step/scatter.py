@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, own
+from fpk_rocking.base.arrays import WIDTH, borrowed, own
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import WIDTH
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.cells import points_of_cell
+from fpk_rocking.density.step.dynamics import points_of_cell
 from fpk_rocking.density.step.targets import FASTMATH, gather_cell, legendre_at, locate_point, scatter_cell
 from fpk_rocking.physics.motion.flight import apply_affine
 

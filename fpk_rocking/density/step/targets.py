@@ -1,6 +1,6 @@
 """Targets of characteristics: the cells where they end, for each source cell in groups by target, in blocks of eight.
 
-With eight paths at once in vector registers (`base.simd`) a group's masses are scattered to the unknowns of its
+With eight paths at once in vector registers (`base.arrays`) a group's masses are scattered to the unknowns of its
 target, or a function is gathered from there; a target is written to once a group instead of once a path.
 """
 
@@ -9,10 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, scratch
-from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import WIDTH, load, store, total
-from fpk_rocking.base.threads import run_in_parts
+from fpk_rocking.base.arrays import WIDTH, borrowed, load, scratch, store, total
+from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.tuning import TUNING
 

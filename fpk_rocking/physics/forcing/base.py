@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.checks import Array, File
 
 RANGES = {"amplitude": (0.0, 1e4), "frequency": (1e-3, 1e4), "phase": (0.0, 1e6), "time": (1e-5, 1e5)}
 """Smallest and largest sizes that the engines carry, by the kind of a quantity."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 
 BASELINES = ("none", "mean", "linear", "high-pass")
 """Corrections of a baseline."""

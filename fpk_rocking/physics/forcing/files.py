@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 
 MOST = 2**20
 """Most samples: 87 minutes at 200 Hz."""

@@ -10,10 +10,10 @@ from typing import ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, Number
+from fpk_rocking.base.checks import Array, Number
 from fpk_rocking.physics.forcing.base import RANGES, Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.particular import dynamic_stiffness
+from fpk_rocking.physics.motion.block import add_cosine
 
 
 class PeriodicForcing(Forcing):
@@ -90,7 +90,7 @@ class PeriodicForcing(Forcing):
         out = np.zeros((len(instants), TERMS))
         for row, instant in zip(out, instants, strict=True):
             for k, amplitude, phase in self.components:
-                _add_cosine(row, instant, amplitude, k * self.frequency, phase)
+                add_cosine(row, instant, amplitude, k * self.frequency, phase)
         return out
 
     def particular(self, time: float) -> tuple[float, float]:
@@ -338,22 +338,6 @@ def periodic(forcing: Forcing) -> PeriodicForcing:
     return forcing
 
 
-def _add_cosine(row, instant, amplitude, frequency, phase):
-    """Add to `row` (TERMS,) the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²).
-
-    `amplitude` is A, `frequency` Ω, and `phase` Ψ, radians.
-    """
-    angle = frequency * instant + phase
-    scale = amplitude / dynamic_stiffness(frequency)
-    even, odd = scale * math.cos(angle), -scale * math.sin(angle)
-    for k in range(0, TERMS, 2):
-        row[k] += even
-        even *= -frequency * frequency / ((k + 1) * (k + 2))
-    for k in range(1, TERMS, 2):
-        row[k] += odd * frequency
-        odd *= -frequency * frequency / ((k + 1) * (k + 2))
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class _LiftOffs:
     """Largest |f|, and the times (n,) in a period at which |f| rises and falls through 1, ascending."""
@@ -399,16 +383,11 @@ def _zeros(forcing, level, derivative):
     roots = np.polynomial.polynomial.polyroots(np.trim_zeros(coefficients, "b"))
     roots = roots[np.abs(np.abs(roots) - 1.0) < 1e-6] if roots.size else roots
     times = np.sort(np.mod(np.angle(roots), 2.0 * math.pi) / forcing.frequency)
-    return [_newton_step(forcing, float(time), level, derivative) for time in times]
+    return times.tolist() if derivative else [_newton_step(forcing, time, level) for time in times.tolist()]
 
 
-def _newton_step(forcing, time, level, derivative):
-    """Improve the time of a simple zero of f - level, for a `PeriodicForcing`, by one step of Newton's.
-
-    Where `derivative` is 1 the zero is one of f' - level, and is returned as it is.
-    """
-    if derivative:
-        return time
+def _newton_step(forcing, time, level):
+    """Improve the time of a simple zero of f - level, for a `PeriodicForcing`, by one step of Newton's."""
     slope = forcing.slope(time)
     if abs(slope) < 1e-6 * forcing.steepest:
         return time

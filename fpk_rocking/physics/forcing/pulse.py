@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS

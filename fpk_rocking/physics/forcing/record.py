@@ -9,7 +9,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, File
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
 from fpk_rocking.physics.forcing.baseline import BASELINES, CORNER_HZ, Drift, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.files import MOST, UNITS, read, unit_of

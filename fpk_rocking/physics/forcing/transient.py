@@ -13,10 +13,10 @@ import math
 import numpy as np
 
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.base.types import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.physics.forcing.base import Forcing, longest_of
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.particular import forced_response, linear_force_response, particular_series
+from fpk_rocking.physics.motion.block import forced_response, linear_force_response, particular_series
 
 
 class TransientForcing(Forcing):

@@ -1,11 +1,10 @@
 """The motion of one block: x'' = F(x, t) on the side s = ±1, v → e v at x = 0, and rest under a weak force.
 
-From the bottom: `equation` (accelerations, for slender and exact blocks), `segment` (the force over a time as a
-polynomial), `flight` (motion between events), `impact` (the impact law and its derivative), `events` (a block through
-impacts, rest, lift-off and overturning). `slender_interval` and `collocation` do what `events` does, fast, over the
-intervals of a grid, for slender and exact blocks.
-Without a compiler: `particular` (flights of slender blocks as tables), `block` (what the exact equation adds) and
-`separatrix` (the orbit between the saddles).
+From the bottom: `equation` (accelerations, for slender and exact blocks, and the force over a time as a polynomial),
+`flight` (motion between events), `impact` (the impact law and its derivative), `events` (a block through impacts, rest,
+lift-off and overturning). `slender_interval` and `collocation` with its `collocation_tables` do what `events` does,
+fast, over the intervals of a grid, for slender and exact blocks. Without a compiler: `block` (flights of slender blocks
+as tables, and what the exact equation adds) and `separatrix` (the orbit between the saddles).
 """
 
 import math

@@ -13,16 +13,31 @@ else goes to `events.advance_through_events`.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, scratch
-from fpk_rocking.base.basis import gauss_legendre
+from fpk_rocking.base.arrays import borrowed, load, scratch, spread, store, total
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.simd import WIDTH, load, spread, store, total
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import acceleration_scale, restitution_from, saddle
+from fpk_rocking.physics.motion.collocation_tables import (
+    COSINE,
+    INNER,
+    MONOMIALS,
+    NODES,
+    POINTS,
+    SINE,
+    TUNING,
+)
+from fpk_rocking.physics.motion.equation import (
+    acceleration_scale,
+    chord_excludes_event,
+    curvature_bounds,
+    downward_root,
+    restitution_from,
+    saddle,
+    segment_from_force,
+    value_and_slope,
+)
 from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
     Event,
@@ -32,79 +47,6 @@ from fpk_rocking.physics.motion.events import (
     rest_or_flight,
 )
 from fpk_rocking.physics.motion.impact import velocity_after_impact
-from fpk_rocking.physics.motion.segment import (
-    chord_excludes_event,
-    curvature_bounds,
-    downward_root,
-    segment_from_force,
-    value_and_slope,
-)
-from fpk_rocking.physics.tuning import TUNING
-
-NODES = WIDTH
-
-
-def _collocation():
-    """Return the points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them and 0 at others.
-
-    These are the double integrals up to the points [j, i], the coefficients [j, k] on [-1, 1], and rows by point: c,
-    the double and the single integral to 1, 1/((k + 1)(k + 2)), and ones at the first and at the last point.
-    """
-    points, weights = gauss_legendre(NODES, -1.0, 1.0)
-    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
-    twice = np.array([np.polynomial.legendre.legint(row, 2, lbnd=-1) for row in lagrange])
-    inner = 0.25 * np.polynomial.legendre.legval(points, twice.T)
-    places, order, unit = 0.5 * (1.0 + points), np.arange(NODES), np.eye(NODES)
-    monomials = np.array([np.polynomial.legendre.leg2poly(row) for row in lagrange])
-    rows = 0.5 * weights * (1.0 - places), 0.5 * weights, 1.0 / ((order + 1.0) * (order + 2.0)), unit[0], unit[-1]
-    return places, inner, monomials, np.stack([places, *rows])
-
-
-PLACES, _INNER, _MONOMIALS, _POINTS = _collocation()
-
-
-class FlightTables(NamedTuple):
-    """Tables for flights over one duration: those without force, and what it adds, by the values of it at the points.
-
-    `points` (4, NODES): cosh and sinh at the points; angle and velocity at the end by the value at a point. `inner`
-    (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at the end.
-    """
-
-    points: np.ndarray
-    inner: np.ndarray
-    cosh: float
-    sinh: float
-
-
-def flight_tables(span: float) -> FlightTables:
-    """Return the `FlightTables` of flights of the duration `span`, nondimensional."""
-    points, weights = gauss_legendre(24, -1.0, 1.0)
-    ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
-    lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
-    left = ends[:, None] * (1.0 - parts)
-    weights = 0.5 * weights * ends[:, None]
-    angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
-    velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
-    rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
-    return FlightTables(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
-
-
-def _lagrange(j, places):
-    """Polynomial that is 1 at point j of `PLACES` and 0 at the others: values (n,) at `places` (n,) of [0, 1]."""
-    others = np.delete(PLACES, j)
-    return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
-
-
-def _economized(start):
-    """Return 9 coefficients in φ² of sin φ/φ (`start` 1) or cos φ (`start` 0), right to 1e-16 for |φ| <= π/2."""
-    terms, most = 9, (0.5 * math.pi) ** 2
-    angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
-    values = np.sin(angles) / angles if start else np.cos(angles)
-    fit = np.polynomial.Chebyshev.fit(angles**2, values, terms - 1, domain=[0.0, most])
-    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
-
-
-_SINE, _COSINE = _economized(1), _economized(0)
 
 _polynomials = scratch(2, TERMS)
 
@@ -114,10 +56,10 @@ _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 @kernel(fastmath={"contract"}, forceinline=True)
 def lanes_times_table(m, a):
     """Product (`Lanes`) of eight numbers `a`, `Lanes`, as a row, and a table `m` (NODES, NODES)."""
-    one = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
-    two = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
-    three = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
-    return (one + two) + (three + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
+    first = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
+    second = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
+    third = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
+    return (first + second) + (third + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -134,26 +76,26 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
     qq = q * q
     r = qq * qq
     sine = near * (
-        (_SINE[0] + q * _SINE[1])
-        + qq * (_SINE[2] + q * _SINE[3])
-        + r * ((_SINE[4] + q * _SINE[5]) + qq * (_SINE[6] + q * _SINE[7]) + r * _SINE[8])
+        (SINE[0] + q * SINE[1])
+        + qq * (SINE[2] + q * SINE[3])
+        + r * ((SINE[4] + q * SINE[5]) + qq * (SINE[6] + q * SINE[7]) + r * SINE[8])
     )
     cosine = (
-        (_COSINE[0] + q * _COSINE[1])
-        + qq * (_COSINE[2] + q * _COSINE[3])
-        + r * ((_COSINE[4] + q * _COSINE[5]) + qq * (_COSINE[6] + q * _COSINE[7]) + r * _COSINE[8])
+        (COSINE[0] + q * COSINE[1])
+        + qq * (COSINE[2] + q * COSINE[3])
+        + r * ((COSINE[4] + q * COSINE[5]) + qq * (COSINE[6] + q * COSINE[7]) + r * COSINE[8])
     )
-    one, two = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
-    three, four = (-0.5 * turn) * one, (-turn / 6.0) * two
-    five = (-turn / 12.0) * three
+    c0, c1 = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
+    c2, c3 = (-0.5 * turn) * c0, (-turn / 6.0) * c1
+    c4 = (-turn / 12.0) * c2
     if own:
-        one, two = one - near, two - 1.0
+        c0, c1 = c0 - near, c1 - 1.0
     # Each round gains about three digits; the square of what the first is sure to gain is 1e-4.
-    lack, pull, last, ratio = base - near, one, 0.0, 1e-4
+    lack, pull, last, ratio = base - near, c0, 0.0, 1e-4
     for _ in range(12):
         off = lack + factor * lanes_times_table(table, pull)
         away = off * off
-        new = (one + off * two) + away * ((three + off * four) + away * five)
+        new = (c0 + off * c1) + away * ((c2 + off * c3) + away * c4)
         shift = new - pull
         change, pull = total(shift * shift), new
         if last > 0.0:
@@ -179,10 +121,10 @@ def fly_by_tables(u, w, side, force, tables, span, block):
     if scale != 1.0:
         fall += (1.0 - scale) * y
     near = (base - fall * (cosh - 1.0)) + scale * less * lanes_times_table(tables.inner, force)
-    pull, angle, found = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
+    pull, angle, converged = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
     end = middle + y + total(load(tables.points, 2) * pull)
-    return end, w + total(load(tables.points, 3) * pull), pull + angle, found
+    return end, w + total(load(tables.points, 3) * pull), pull + angle, converged
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -205,13 +147,13 @@ def fly_collocated(u, w, side, force, span, block, near):
 
     Returns
     -------
-    u, w, bend, found : float, float, Lanes, bool
+    u, w, bend, converged : float, float, Lanes, bool
         State at the end, u'' at the points, and whether the iteration has come to its end.
     """
     y, slope, square, scale = u - saddle(side, block), span * w, span * span, acceleration_scale(side, block)
-    base = y + slope * load(_POINTS, 0)
-    bend, _, found = _iterate(_INNER, square, base, False, near, force, square, block.critical_angle, scale)
-    return u + slope + square * total(load(_POINTS, 1) * bend), w + span * total(load(_POINTS, 2) * bend), bend, found
+    base = y + slope * load(POINTS, 0)
+    bend, _, converged = _iterate(INNER, square, base, False, near, force, square, block.critical_angle, scale)
+    return u + slope + square * total(load(POINTS, 1) * bend), w + span * total(load(POINTS, 2) * bend), bend, converged
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
@@ -220,7 +162,7 @@ def _guess(u, w, side, begin, end, span, block):
 
     `u`, `w` are the folded state at its begin; `begin` and `end` are s f at the first and the last point.
     """
-    y, slope, c = u - saddle(side, block), span * w, load(_POINTS, 0)
+    y, slope, c = u - saddle(side, block), span * w, load(POINTS, 0)
     square = acceleration_scale(side, block) * (span * span)
     bend = 0.5 * square * (y + begin)
     twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
@@ -248,7 +190,7 @@ def _expand(u, w, span, bend, scratch, angle):
     `scratch` (2, TERMS) is written to.
     """
     half = 0.5 * span
-    store(scratch, 1, (half * half) * (load(_POINTS, 3) * lanes_times_table(_MONOMIALS, bend)))
+    store(scratch, 1, (half * half) * (load(POINTS, 3) * lanes_times_table(MONOMIALS, bend)))
     low, rise = u, half * w
     for k in range(NODES):
         c = scratch[1, k]
@@ -321,8 +263,8 @@ def _flight(u, w, side, force, start, span, block):
     `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a
     `KernelBlock`.
     """
-    push = side * _value(force, TERMS, start + span * load(_POINTS, 0))
-    near = _guess(u, w, side, total(push * load(_POINTS, 4)), total(push * load(_POINTS, 5)), span, block)
+    push = side * _value(force, TERMS, start + span * load(POINTS, 0))
+    near = _guess(u, w, side, total(push * load(POINTS, 4)), total(push * load(POINTS, 5)), span, block)
     return fly_collocated(u, w, side, push, span, block, near)
 
 
@@ -355,14 +297,14 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
     of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `KernelBlock`. Zeros say that the impact
     is not within 1e-7 of `time`.
     """
-    places = load(_POINTS, 0)
+    places = load(POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - saddle(side, block)
-    rest, speed, bend, found = fly_collocated(u, w, side, push, time, block, near)
+    rest, speed, bend, converged = fly_collocated(u, w, side, push, time, block, near)
     late = -rest / speed
-    if not (found and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
+    if not (converged and abs(late) < 1e-7):  # farther from the root of the polynomial it may be another impact
         return 0.0, 0.0
-    return time + late, speed + late * total(bend * load(_POINTS, 5))
+    return time + late, speed + late * total(bend * load(POINTS, 5))
 
 
 @kernel(forceinline=True)
@@ -385,7 +327,7 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
 
 @kernel
 def advance_from_flight(
-    force, half, x, v, side, start, end, block, impacts, origin, known, last, speed, bend, slow=CHATTER_TIME
+    force, half, x, v, side, start, end, block, impacts, origin, followed, last, speed, bend, slow=CHATTER_TIME
 ):
     """Carry an exact block through a part of an interval: as `events.advance_through_events`, with the same accuracy.
 
@@ -397,8 +339,8 @@ def advance_from_flight(
         Largest |t| for which it is used.
     x, v, side, start, end, block, impacts, origin
         As of `advance_through_events`; times are those of the polynomial.
-    known, last, speed, bend : bool, float, float, Lanes
-        Whether the flight from `start` to `end`, on over impacts, is known, and what `fly_collocated` returned of it.
+    followed, last, speed, bend : bool, float, float, Lanes
+        Whether the flight from `start` to `end`, on over impacts, has been followed, and what `fly_collocated` gave.
     slow : float
         As of `advance_through_events`.
 
@@ -407,7 +349,7 @@ def advance_from_flight(
     x, v, side, time : float, float, int, float
         As of `advance_through_events`.
     """
-    work, until, found = _polynomials(), end, True
+    work, until, converged = _polynomials(), end, True
     angle, quotient = work[0], work[1]
     while start < end:
         if side == 0:
@@ -417,15 +359,15 @@ def advance_from_flight(
         u, w, span = side * x, side * v, until - start
         time, landing = _hop(u, w, side, force, start, until, block)
         if time == 0.0:
-            if not known:
-                last, speed, bend, found = _flight(u, w, side, force, start, span, block)
-            known = False
+            if not followed:
+                last, speed, bend, converged = _flight(u, w, side, force, start, span, block)
+            followed = False
             _expand(u, w, span, bend, work, angle)
             event, place = _event(u, w, last, angle, quotient, block)
-            if found and event == Event.NONE:
+            if converged and event == Event.NONE:
                 x, v, start, until = side * last, side * speed, until, end
                 continue
-            if not found or event == Event.UNKNOWN:
+            if not converged or event == Event.UNKNOWN:
                 if span < 0.02 * half:  # no bound decides: the search for events does
                     break
                 until = start + 0.4 * span
@@ -444,11 +386,11 @@ def advance_from_flight(
 
 @kernel
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
-    """Carry an exact block through a part of an interval of which nothing is known yet: as `advance_from_flight`.
+    """Carry an exact block through a part of an interval in which no flight is followed yet.
 
-    The arguments are those of `advance_from_flight`, without the flight that is known there.
+    The arguments are those of `advance_from_flight`, without that flight, and so is what is returned.
     """
-    nothing = load(_POINTS, 0)
+    nothing = load(POINTS, 0)
     return advance_from_flight(
         force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow
     )

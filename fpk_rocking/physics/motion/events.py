@@ -13,10 +13,15 @@ import numpy as np
 
 from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.equation import acceleration_bounds, lift_off_level, restitution_from
+from fpk_rocking.physics.motion.equation import (
+    acceleration_bounds,
+    least_closing_time,
+    lift_off_level,
+    restitution_from,
+    value_and_slope,
+)
 from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
-from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
 
 SPEED_FLOOR = 1e-9
 """Slower than this at zero angle, a block that the force presses down is in contact rather than in flight."""

@@ -16,22 +16,25 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.arrays import scratch
+from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array
-from fpk_rocking.physics.motion import TERMS, particular
+from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.block import dynamic_stiffness as plain_dynamic_stiffness
 from fpk_rocking.physics.motion.equation import (
     acceleration_scale,
     dispatch_on_block,
+    least_closing_time,
+    move_origin,
     saddle,
     slender_acceleration,
     slender_acceleration_bounds,
+    value_and_slope,
 )
-from fpk_rocking.physics.motion.segment import least_closing_time, move_origin, value_and_slope
 
 # Arguments that one of two forms does not use are there for the other.
 # ruff: noqa: ARG001
 
-dynamic_stiffness = kernel(inline="always")(particular.dynamic_stiffness)
+dynamic_stiffness = kernel(inline="always")(plain_dynamic_stiffness)
 
 
 @kernel(forceinline=True)

@@ -15,7 +15,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 
 
 def checked(critical_angle: float) -> float:

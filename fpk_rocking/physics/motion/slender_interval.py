@@ -14,18 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.events import advance_through_events, record_impact
-from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
-from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
-from fpk_rocking.physics.motion.segment import (
+from fpk_rocking.physics.motion.equation import (
     chord_excludes_event,
     curvature_bounds,
     downward_root,
     segment_from_particular,
 )
+from fpk_rocking.physics.motion.events import advance_through_events, record_impact
+from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
+from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
 
 
 class Interval(NamedTuple):

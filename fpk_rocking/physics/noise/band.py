@@ -23,9 +23,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fpk_rocking.base.arrays import load
+from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.types import Array
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.flight import dynamic_stiffness
 
 ANCHOR_CYCLES = 16
 """Cycles between fresh anchors; the rotations between them, some 200, cost about 1e-14 of the noise's amplitude."""
@@ -263,3 +265,56 @@ def evaluate_compensation(coefficients, ratio):
     for k in range(_ORDER - 2, -1, -1):
         value = value * square + coefficients[k]
     return value
+
+
+@kernel(fastmath={"contract"})
+def divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
+    """Turn the weights (n,) of the noise's harmonics, in place, into those of the interpolant of P.
+
+    `ratios` (n,): frequencies in turns per table period; `frequency`: angular, of one turn. `compensation`,
+    `ratio_scale`: those of `Parameters`, by which the interpolant's window is made good.
+    """
+    for n in range(ratios.size):
+        gain = -evaluate_compensation(compensation, ratios[n] * ratio_scale)
+        weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
+
+
+@kernel(fastmath={"contract", "reassoc"})
+def noise_slope(samples, k, slopes):
+    """Return the derivative, in time, of the noise's share of P at the end of interval k of a chunk.
+
+    `samples` (WIDTH - 1 + CHUNK,) of the interpolant of that share, not of the noise (`divide_by_stiffness`);
+    `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
+    """
+    total = 0.0
+    for i in range(WIDTH):
+        total += slopes[i] * samples[k + i]
+    return total
+
+
+@kernel(fastmath={"contract"}, forceinline=True)
+def noise_at_points(values, g, k):
+    """Noise at the NODES points of an interval, a SIMD vector, less its envelope.
+
+    `values` (WIDTH, NODES): as of `Collocation`; g: samples of a chunk, those of this interval from number k on.
+    """
+    first = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
+    second = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
+    for i in range(4, WIDTH, 4):
+        first = first + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
+        second = second + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
+    return first + second
+
+
+@kernel(forceinline=True)
+def write_product(strength, noise, base, out):
+    """Write to `out` (TERMS,) the polynomial `base` (TERMS,) plus the product of `strength` and `noise`.
+
+    `strength` (order,): the envelope; `noise` (TERMS,): the noise without it; all in the time since an interval's
+    middle.
+    """
+    for n in range(TERMS):
+        force = base[n]
+        for i in range(min(n + 1, strength.size)):
+            force += strength[i] * noise[n - i]
+        out[n] = force

@@ -5,12 +5,12 @@ import dataclasses
 import functools
 import itertools
 import math
-from typing import ClassVar, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import Array
+from fpk_rocking.base.checks import Array
 
 
 class Envelope(abc.ABC):
@@ -259,3 +259,55 @@ def refuse_envelope(noise: Enveloped, what: str) -> None:
     if noise.envelope is not None:
         accepted = f"no envelope, as {what} is only defined for stationary noise"
         raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
+
+
+class EnvelopePieces(NamedTuple):
+    """The envelope g of the noise as polynomials, in pieces that end at its kinks; m intervals.
+
+    `first` (m + 1,): number of the first piece in each interval. `ends` (pieces,): their ends, times since the
+    interval's middle. `strength` (pieces, order): g in the time since the interval's middle.
+    """
+
+    first: np.ndarray
+    ends: np.ndarray
+    strength: np.ndarray
+
+
+def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> EnvelopePieces:
+    """Return the `EnvelopePieces` of an `envelope`, or of None, for intervals with these middles (m,).
+
+    `half`: half their duration, nondimensional. Of an envelope that is not linear in pieces, `order` terms are taken.
+    """
+    if envelope is None:
+        count = len(middles)
+        return EnvelopePieces(np.arange(count + 1), np.full(count, half), np.ones((count, 1)))
+    first, ends, centres, owners = [0], [], [], []
+    order = 2 if math.isinf(envelope.spacing) else order
+    kinks = np.sort(envelope.kinks)
+    for middle in middles:
+        inside = kinks[np.abs(kinks - middle) < half * (1.0 - 1e-9)] - middle
+        stops = [*inside.tolist(), half]
+        for begin, end in zip([-half, *stops[:-1]], stops, strict=True):
+            ends.append(end)
+            centres.append(middle + 0.5 * (begin + end))
+            owners.append(middle)
+        first.append(len(ends))
+    # Linear pieces are moved to the interval's middle, and others begin there.
+    strength = envelope.series(np.array(centres), order)
+    if order == 2:
+        strength[:, 0] += strength[:, 1] * (np.array(owners) - np.array(centres))
+    return EnvelopePieces(np.array(first), np.array(ends), strength)
+
+
+def largest_envelope(envelope: Any, grid: Any) -> Array:
+    """Return the largest value of an `envelope` in each interval (m,) of a `TimeGrid`; 1 for None."""
+    if envelope is None:
+        return np.ones(grid.count)
+    edges = grid.spacing * np.arange(grid.count + 1)
+    values = envelope.value(edges)
+    largest = np.maximum(values[:-1], values[1:])
+    inside = envelope.kinks if len(envelope.kinks) else np.array([envelope.peak])
+    places = np.searchsorted(edges, inside) - 1
+    within = (places >= 0) & (places < grid.count)
+    np.maximum.at(largest, places[within], envelope.value(inside[within]))
+    return largest

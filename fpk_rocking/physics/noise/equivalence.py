@@ -15,7 +15,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.physics.motion import separatrix
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 

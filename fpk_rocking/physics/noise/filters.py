@@ -111,7 +111,7 @@ class LinearFilter(Filter):
         rows = checks.sequence(f"{name}.drift", self.drift, accepted)
         drift = tuple(checks.several(f"{name}.drift[{i}]", row, most=12) for i, row in enumerate(rows))
         sides = [checks.several(f"{name}.{side}", getattr(self, side), most=12) for side in ("input", "output")]
-        if not drift or {len(drift)} != {len(one) for one in (*drift, *sides)}:
+        if not drift or {len(drift)} != {len(entries) for entries in (*drift, *sides)}:
             raise ValueError(checks.refusal(f"{name}.drift", self.drift, accepted))
         checks.keep(self, drift=drift, input=sides[0], output=sides[1])
         StateSpace.stationary(*self._matrices)

@@ -9,7 +9,7 @@ import math
 from typing import ClassVar, Literal, Self
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.types import not_none
+from fpk_rocking.base.checks import not_none
 from fpk_rocking.physics.noise.envelope import ENVELOPES, Exponential, Table, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS, Filter
 from fpk_rocking.physics.noise.state_space import StateSpace

@@ -16,7 +16,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.base.types import Array, ArrayLike, Number
+from fpk_rocking.base.checks import Array, ArrayLike, Number
 
 
 class StateSpace(NamedTuple):

@@ -1,4 +1,8 @@
-"""Pictures of joint densities: as surfaces (paper Fig. 6), and as colour maps of the phase plane."""
+"""Pictures that a command saves: survival and leakage of several results, and their joint densities.
+
+Survival and leakage are drawn against the cycle, with sampling errors; densities as surfaces (paper Fig. 6), and as
+colour maps of the phase plane.
+"""
 
 import pathlib
 import textwrap
@@ -8,13 +12,153 @@ import numpy as np
 from matplotlib.colors import PowerNorm
 from matplotlib.ticker import MaxNLocator
 
-from fpk_rocking.base.types import File
-from fpk_rocking.results import style
-from fpk_rocking.results.binning import joint_edges
-from fpk_rocking.results.remarks import cautions, scene_text
+from fpk_rocking.base.checks import File
+from fpk_rocking.compare import compare
+from fpk_rocking.results import pictures
+from fpk_rocking.results.grids import joint_edges
+from fpk_rocking.results.remarks import cautions, noise_text, scene_text
 from fpk_rocking.results.survival import SurvivalResult
 
-__all__ = ["density_maps", "surface_figure"]
+_MARKERS = "osD^"
+_LINE = 0.22
+"""Height of a line of text, inches."""
+
+
+def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = "") -> pathlib.Path:
+    """Draw survival, also on a logarithmic axis, differences from the first result, and leakage per cycle and side.
+
+    Samples are drawn with their 95 % intervals. The interval of a difference supposes that both results have the same
+    distribution.
+
+    Parameters
+    ----------
+    path : path
+        File to write; the suffix chooses the format.
+    results : sequence of SurvivalResult
+        Two to four results, whose scenes differ in the noise alone; the first is the reference.
+    title : str
+        By default survival in the end, and the largest difference from the first result.
+
+    Returns
+    -------
+    pathlib.Path
+        The file written.
+
+    Examples
+    --------
+    >>> from fpk_rocking import load_scene, solve_fpk
+    >>> from fpk_rocking.output.figures import survival_figure
+    >>> from montecarlo import simulate
+    >>> scene = load_scene("main")
+    >>> results = solve_fpk(scene, cycles=4, tol=1e-2), simulate(scene, cycles=4, realizations=1000)
+    >>> print(survival_figure("survival.png", results, title="Main scene, both engines"))
+    survival.png
+    """
+    with pictures.drawing() as new_figure:
+        replaced = filter(None, (result.noise_replacement for result in results))
+        notes = textwrap.wrap(" ".join(dict.fromkeys((*replaced, *cautions(*results)))), 125)
+        width, height = 10.5, 7.6 + _LINE * (len(results) + len(notes))
+        figure = new_figure(figsize=(width, height))
+        compared = [compare(result, results[0], joint_cycles=()) for result in results[1:]]
+        title = title or _message(results, compared)
+        figure.suptitle(
+            title, fontsize=pictures.title_size(title, width), y=1.0 - 0.12 / height, va="top", in_layout=False
+        )
+        rows = [["survival", "tail", "leakage"], ["difference"] * 3]
+        panels = figure.subplot_mosaic(rows, height_ratios=(0.9, 1.0))
+        labels = [f"{result.label} ({_noise(result)})" for result in results]
+        for result, label, colour, marker in zip(results, labels, pictures.COLOURS, _MARKERS, strict=False):
+            _draw_survival(panels["survival"], result, label, colour, marker)
+            _draw_survival(panels["tail"], result, label, colour, marker)
+            _draw_leakage(panels["leakage"], result, colour, marker)
+        for place, (result, comparison) in enumerate(zip(results[1:], compared, strict=True), start=1):
+            _draw_difference(panels["difference"], comparison, result.row_values, place)
+        _label_panels(panels, results[0].engine, results[0].row_label)
+        handles, names = panels["survival"].get_legend_handles_labels()
+        figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
+        figure.text(0.02, 0.12 / height, "\n".join(notes), color="#333333", va="bottom", linespacing=1.5)
+        bottom, top = (0.15 + _LINE * len(notes)) / height, 1.0 - (0.5 + _LINE * len(results)) / height
+        figure.tight_layout(rect=(0.0, bottom, 1.0, top), w_pad=2.0, h_pad=1.5)
+        return pictures.save(figure, path)
+
+
+def _message(results, compared):
+    """Return a sentence on survival of all results in the end, and on the largest difference from the first.
+
+    `results` are of the class `SurvivalResult`, and `compared` are the `Comparison` of all but the first with it.
+    """
+    ends = ", ".join(f"{result.survival[-1]:.3f}" for result in results)
+    apart = max(float(np.abs(comparison.difference).max()) for comparison in compared)
+    return f"Survival in the end {ends}; the largest difference is {apart:.2g}"
+
+
+def _noise(result):
+    """Name the noise of a `SurvivalResult`; a note below the panels says what a density has in its place."""
+    return "noise replaced, see below" if result.noise_replacement else noise_text(result.scene.noise)
+
+
+def _open_markers(marker) -> dict:
+    """Return the look (dict, as ``axes.plot`` takes it) of points of a marker without a line, open inside."""
+    return {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none"}
+
+
+def _draw_survival(axes, result, label, colour, marker):
+    """Draw survival of a `SurvivalResult` against its rows on matplotlib's `axes`, with a label, a colour and a marker.
+
+    It is a line for a density, points with 95 % intervals for a sample.
+    """
+    cycles, survival = result.row_values, np.asarray(result.survival)
+    if result.realizations is None:
+        axes.plot(cycles, survival, color=colour, label=label)
+        return
+    look = {"color": colour, "label": label, "marker": marker, "markersize": 2.8}
+    if result.deterministic:
+        axes.plot(cycles, survival, **_open_markers(marker) | look)
+        return
+    pictures.error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
+
+
+def _draw_difference(axes, comparison, times, place):
+    """Draw survival of one result less that of the first on matplotlib's `axes`, with 95 % intervals.
+
+    `comparison` is their `Comparison`, `times` are the rows as their label counts them, and `place`, from 1 on, the
+    number of the result, by which the points are set off.
+    """
+    bars = 1.96 * comparison.standard_error
+    times = times[: len(comparison.difference)]
+    beside = times + 0.3 * (place - 1) * times[1]
+    axes.errorbar(beside, comparison.difference, bars, color=pictures.COLOURS[place], **_open_markers(_MARKERS[place]))
+
+
+def _draw_leakage(axes, result, colour, marker):
+    """Draw the probability of overturning in each row of a `SurvivalResult` on matplotlib's `axes`.
+
+    It is drawn to the right upwards and to the left downwards, with a colour and a marker.
+    """
+    cycles = result.row_values[1:]
+    left, right = np.diff(np.asarray(result.overturned), axis=0).T
+    shape = _open_markers(marker) | {"markersize": 2.8} if result.realizations else {}
+    for values in (right, -left):
+        axes.plot(cycles, values, color=colour, **shape)
+
+
+def _label_panels(panels, reference, counted):
+    """Write titles and axes of the four panels, a dict of matplotlib's axes by name.
+
+    `reference` names the first result's engine, and `counted` what the rows are counted in.
+    """
+    survival, tail, leakage, difference = panels.values()
+    survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
+    tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")
+    difference.set(title=f"Survival less that of the {reference}, 95 % intervals", ylabel="difference of survival")
+    difference.axhline(0.0, color=pictures.COLOURS[0], zorder=1)
+    leakage.set(title="Overturned in each cycle", ylabel="left ← probability → right")
+    leakage.axhline(0.0, color="black", linewidth=0.8)
+    leakage.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+    for axes in panels.values():
+        axes.set_xlabel(counted)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+
 
 _PIECES = 4
 """Points of a surface in the width of a bin."""
@@ -46,7 +190,7 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
     Examples
     --------
     >>> from fpk_rocking import load_scene, solve_fpk
-    >>> from fpk_rocking.output.densities import surface_figure
+    >>> from fpk_rocking.output.figures import surface_figure
     >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
     >>> print(surface_figure("surface.png", [density], cycles=[4], title="After 4 cycles"))
     surface.png
@@ -56,9 +200,9 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
     notes = _surface_notes(results, columns)
     width, height = columns * 3.6 + 0.35, rows * 3.05 + 0.6 + 0.2 * len(notes)
     bottom, top = (0.3 + 0.2 * len(notes)) / height, 1.0 - 0.45 / height
-    with style.drawing() as new_figure:
+    with pictures.drawing() as new_figure:
         figure = new_figure(figsize=(width, height))
-        figure.suptitle(title, fontsize=style.title_size(title, width), y=1.0 - 0.12 / height, va="top")
+        figure.suptitle(title, fontsize=pictures.title_size(title, width), y=1.0 - 0.12 / height, va="top")
         around = {"left": 0.04, "right": 0.965, "bottom": bottom, "top": top}
         cells = figure.add_gridspec(rows, columns, **around, wspace=0.0, hspace=0.0)
         for block, in_row in enumerate(blocks):
@@ -84,7 +228,7 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
                 )
         for line, note in enumerate(reversed(notes)):
             figure.text(0.02, (0.12 + 0.2 * line) / height, note, color="#333333")
-        return style.save(figure, path)
+        return pictures.save(figure, path)
 
 
 def _row_name(result: SurvivalResult) -> str:
@@ -121,7 +265,7 @@ def _draw_surface(axes, result, cycle, surface, highest):
     point_start = cycle == 0 and scene.start.covariance is None
     if not point_start:
         # The root brings out the low parts, which hold most of the probability.
-        colours = {"cmap": style.SURFACE, "norm": PowerNorm(0.5, 0.0, highest)}
+        colours = {"cmap": pictures.SURFACE, "norm": PowerNorm(0.5, 0.0, highest)}
         axes.plot_surface(*surface, **colours, rstride=1, cstride=1, linewidth=0.0)
     for probability, x in zip(result.overturned[cycle], (-cut_off, cut_off), strict=True):
         # The figure stands where no tick of the axes does: on the left wall in front, on the right wall half way.
@@ -148,7 +292,7 @@ def _draw_wall(axes, x, bound, height, text, place):
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     corners = [(x, -bound, 0.0), (x, bound, 0.0), (x, bound, height), (x, -bound, height)]
-    colour = style.OVERTURNED
+    colour = pictures.OVERTURNED
     axes.add_collection3d(Poly3DCollection([corners], facecolor=colour, alpha=0.4, edgecolor=colour))
     box = {"facecolor": "white", "edgecolor": colour, "linewidth": 0.8, "boxstyle": "round,pad=0.15"}
     axes.text(x, place, height, text, ha="left" if x < 0.0 else "right", va="bottom", fontsize=9, bbox=box, zorder=100)
@@ -192,7 +336,7 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
     Examples
     --------
     >>> from fpk_rocking import load_scene, solve_fpk
-    >>> from fpk_rocking.output.densities import density_maps
+    >>> from fpk_rocking.output.figures import density_maps
     >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
     >>> density_maps("maps.png", [density], cycles=[1, 4], title="The first cycles")
     """
@@ -201,7 +345,7 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
     maps = [[np.asarray(result.bin_probabilities(cycle, *edges)) for cycle in cycles] for result in results]
     velocities = _inner_velocities(edges[1], sum(np.abs(bins) for row in maps for bins in row).sum(axis=0))
     size = 2.75 * max(len(cycles), 2) + 0.9, 2.7 * len(results) + 1.9
-    with style.page(path, size, title, _map_notes(results)) as figure:
+    with pictures.page(path, size, title, _map_notes(results)) as figure:
         panels = figure.subplots(len(results), len(cycles), sharex=True, sharey=True, squeeze=False)
         for column, cycle in enumerate(cycles):
             highest = max((row[column] / area).max() for row in maps)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base.basis import legendre_basis, locate
-from fpk_rocking.base.types import Array, ArrayLike
-from fpk_rocking.density.space.space import Space
+from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.density.space import Space
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 import pytest
 
-from fpk_rocking.base.simd import WIDTH, load, spread, store, total
+from fpk_rocking.base.arrays import WIDTH, load, spread, store, total
 
 
 @numba.njit

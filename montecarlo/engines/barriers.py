@@ -1,6 +1,16 @@
-"""Steps of a white-noise path near the barriers, x = 0 and the cut-off: as long as is safe, and across an impact.
+"""A white-noise path near the barriers, x = 0 and the cut-off: steps as long as is safe, impacts, and low bounces.
 
 Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Parameters` these kernels read.
+
+A block that rattles, or is pressed back where it landed, makes low bounces: each is one draw.
+From an impact that it leaves at speed w, under a pull g + a t back to x = 0, the block returns after T at speed v with
+the density
+
+    sqrt(3) v / (2 pi D T^2) exp(-(v + w - G)^2 / (4 D T) - 3 (v - w - a T^2 / 6)^2 / (4 D T)) erf sqrt(3 w v / (D T)),
+
+G = g T + a T^2 / 2: McKean's law of the first return of an integrated Brownian motion, which a pull linear in time
+changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-235, 1963; docs/theory, section 8).
+`first_return` draws from it without error. Folded coordinates, nondimensional, as in `montecarlo.engines.white`.
 """
 
 import math
@@ -9,15 +19,17 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.equation import (
     acceleration,
     acceleration_bounds,
+    acceleration_gradient,
     dispatch_on_block,
     force_factor,
+    least_closing_time,
     restitution_from,
+    value_and_slope,
 )
 from fpk_rocking.physics.motion.events import record_impact
 from fpk_rocking.physics.motion.flight import covariance_factor, slender_flight_end
 from fpk_rocking.physics.motion.impact import velocity_after_impact
-from fpk_rocking.physics.motion.segment import least_closing_time, value_and_slope
-from montecarlo.engines.random import normal
+from montecarlo.engines.random import normal, uniform
 from montecarlo.tuning import TUNING
 
 
@@ -148,3 +160,134 @@ def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, 
     if u < 0.0 or arrives:
         return reflect_draw(u, w, side, segment, start, end, limit if arrives else end, parameters, impacts, origin)
     return u, w, side, end
+
+
+@kernel
+def _mean_negative_part(ratio):
+    """Mean of the negative part of a normal number of mean 1 and standard deviation 1/ratio."""
+    return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))
+
+
+@kernel
+def _draw_beyond(stream, ratio):
+    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0.
+
+    `stream` (4,) gives the random numbers.
+    """
+    while True:
+        if ratio < 1.0:
+            y = math.sqrt(-2.0 * math.log(1.0 - uniform(stream)))
+            kept = math.exp(-ratio * y)
+        else:
+            y = -math.log((1.0 - uniform(stream)) * (1.0 - uniform(stream))) / ratio
+            kept = math.exp(-0.5 * y * y)
+        if uniform(stream) < kept:
+            return y
+
+
+@kernel
+def first_return(stream, speed, pull, growth, diffusion, least):
+    """Draw the time and the speed at which a block is back at x = 0.
+
+    Parameters
+    ----------
+    stream : ndarray (4,)
+        Random numbers.
+    speed : float
+        At which it leaves, > 0.
+    pull, growth : float
+        The acceleration towards x = 0 is pull + growth t, pull > 0.
+    diffusion : float
+        D.
+    least : float
+        Lower bound, for all times that come up, of the mean of the arrival speed at a known time over its standard
+        deviation; with growth >= 0 the root of `speed` in units of D/pull.
+
+    Returns
+    -------
+    time, speed : float
+        The time is inf where the pull has ended before.
+    """
+    width, most = math.sqrt(8.0 / 3.0) * math.sqrt(diffusion), _mean_negative_part(least) if least < 8.0 else 0.0
+    while True:
+        pick, noise = (1.0 + most) * uniform(stream), width * normal(stream)
+        disc = math.sqrt(noise * noise + 8.0 * pull * speed)
+        root = 4.0 * speed / (noise + disc) if noise > 0.0 else 0.5 * (disc - noise) / pull
+        if growth != 0.0:
+            for _ in range(4):
+                square = root * root
+                slope = 2.0 * pull * root + 4.0 / 3.0 * growth * square * root + noise
+                if not slope > 0.0:
+                    return math.inf, 0.0
+                change = (square * (pull + growth * square / 3.0) + noise * root - 2.0 * speed) / slope
+                root -= change
+                if abs(change) < 1e-9 * root:
+                    break
+        time = root * root
+        mean = 0.5 * (speed + 0.5 * time * (pull + growth * time))
+        spread = math.sqrt(0.5 * diffusion) * root
+        if pick < 1.0:
+            # At a known time the density is v/mean times the normal one: of v and its mirror image take one by that.
+            arrival = mean + spread * normal(stream)
+            if arrival < 0.0 or (arrival < 2.0 * mean and arrival < 2.0 * mean * pick):
+                arrival = 2.0 * mean - arrival
+        else:
+            ratio = mean / spread
+            if uniform(stream) * most >= _mean_negative_part(ratio):
+                continue
+            arrival = 2.0 * mean + spread * _draw_beyond(stream, ratio)
+        apart = 3.0 * speed * arrival / (diffusion * time)
+        if apart > 16.0 or uniform(stream) < math.erf(math.sqrt(apart)):
+            return time, arrival
+
+
+@kernel(forceinline=True)  # see events.next_event
+def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
+    """Draw the bounce of a block that leaves x = 0 in interval j at w > 0; return w and side after it, and its time.
+
+    The side is 0 where the bounce is not low enough, could last beyond `until`, or meets a pull that changes too much
+    for a linear one. `time` is that of the impact that it leaves; like `until` and the one returned it counts from the
+    interval's begin, at `origin` since τ = 0. The linear pull is that with the impulse and the first moment of the
+    forcing, a cubic through its values and slopes at the begin and at the middle of the flight, less the mean of the
+    angle. `impacts` is an `ImpactRecord` or None. `stream` (4,) gives the random numbers; `parameters`: those of the
+    engine `white`.
+    """
+    block, span = parameters.block, parameters.grid.spacing
+    share = force_factor(0.0, side, block)
+    diffusion = parameters.diffusion[j] * share * share
+    force, slope = value_and_slope(parameters.force[j], time)
+    pull = -acceleration(0.0, side, force, block)
+    if not w < parameters.brief * pull:
+        return w, 0, time
+    disc = pull * pull - 8.0 / 3.0 * side * share * slope * w
+    if not disc > 0.5 * pull * pull:
+        return w, 0, time
+    half = 2.0 * w / (pull + math.sqrt(disc))
+    if time + half <= span:
+        middle, rate = value_and_slope(parameters.force[j], time + half)
+    else:
+        middle, rate = value_and_slope(parameters.force[(j + 1) % parameters.low.size], time + half - span)
+    chord = (middle - force) / half
+    growth = -side * share * (rate + 0.6 * (slope + rate) - 1.2 * chord)
+    mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
+    pull = -acceleration(0.0, side, mean, block) - half * (
+        acceleration_gradient(0.0, side, mean, block) * w / 3.0 + growth
+    )
+    if not w * pull > TUNING.bounce_slowest * diffusion:
+        return w, 0, time
+    noise = TUNING.bounce_deviations * math.sqrt(8.0 / 3.0) * math.sqrt(diffusion)
+    root = 0.5 * (noise + math.sqrt(noise * noise + 8.0 * pull * w)) / pull
+    latest = root * root
+    lost = max(0.0, -growth) * latest / pull
+    if (
+        time + latest > until
+        or lost > TUNING.bounce_lost
+        or parameters.curvature[j] * latest * latest > TUNING.bounce_curved * pull
+    ):
+        return w, 0, time
+    duration, speed = first_return(stream, w, pull, growth, diffusion, math.sqrt((1.0 - lost) * w * pull / diffusion))
+    if time + duration > until:
+        return w, 0, time
+    if impacts is not None:
+        record_impact(impacts, origin + time + duration, -side * speed)
+    return velocity_after_impact(speed, restitution_from(side, block)), -side, time + duration

@@ -1,11 +1,11 @@
 """A page of panels: its size, its title and its notes."""
 
-from fpk_rocking.results import style
+from fpk_rocking.results import pictures
 
 
 def test_notes_are_wrapped_to_the_width_of_the_page(tmp_path):
     path, notes = tmp_path / "page.png", ["word " * 100, "next"]
-    with style.page(path, (10.0, 3.0), "Title", notes) as figure:
+    with pictures.page(path, (10.0, 3.0), "Title", notes) as figure:
         figure.subplots()
     assert path.is_file()
     assert figure.get_size_inches().tolist() == [10.0, 3.0]
@@ -13,6 +13,6 @@ def test_notes_are_wrapped_to_the_width_of_the_page(tmp_path):
     *lines, last = figure.get_supxlabel().split("\n")
     assert last == "next"
     assert 120 < max(map(len, lines)) <= 130
-    with style.page(path, (4.0, 3.0), "Title") as figure:
+    with pictures.page(path, (4.0, 3.0), "Title") as figure:
         figure.subplots()
     assert not figure.get_supxlabel()
