@@ -192,7 +192,7 @@ class _Harmonics(NamedTuple):
 
 
 def _band_noise(scene, seed, count, times):
-    """Return band noise (count, n) at times (n,), less its envelope: the sum of its harmonics.
+    """Return band noise (count, n) at times (n,), without the factor of its envelope: the sum of its harmonics.
 
     It is that of the realizations 0, 1, ... of a `seed`, `count` of them; nondimensional.
     """
@@ -205,10 +205,10 @@ def _band_noise(scene, seed, count, times):
 
 
 def _filtered_noise(scene, seed, count, steps_per_cycle, times):
-    """Return filtered noise (count, n) at times (n,), less its envelope: a polynomial in each of its intervals.
+    """Return filtered noise (count, n), nondimensional and without the factor of its envelope.
 
-    It is that of the realizations 0, 1, ... of a `seed`, `count` of them, with the intervals that `steps_per_cycle`
-    sets.
+    `times` (n,) are ascending times τ, the first 0 where the scene does not repeat. It is the noise of the realizations
+    0, 1, ... of a `seed`, `count` of them, in the intervals that `steps_per_cycle` sets, each with a polynomial.
     """
     parameters = parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
     values = np.empty((count, times.size))

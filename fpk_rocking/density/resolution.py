@@ -96,7 +96,9 @@ def explore(white, times):
 def _exploratory_steps(white, dynamics, times):
     """Yield segment, duration, diffusion and axes (2, 2) of the noise of each step of the exploratory paths.
 
-    `white`: scene with white noise, whose `Dynamics` are given; `times` (rows,): those of the result.
+    Rows of the axes are the long and the short principal axis (angle, velocity) of what noise adds in the step, one
+    standard deviation long. `white`: scene with white noise, whose `Dynamics` are given; `times` (rows,): those of the
+    result, which end the steps; of a scene that repeats their number says for how many cycles.
     """
     longest = min(TUNING.exploratory_step, white.forcing.shortest_period / 6.0)
     if white.repeats:

@@ -210,10 +210,11 @@ class StartUp:
         return shift > TUNING.bent_gaussian * self.settings.growth
 
     def _longest_step_near_rest(self, now):
-        """Longest step from a `PatchDensity` on for a block that rattles at x = 0, and while it is lifted off.
+        """Longest duration of a step from `now`, a `PatchDensity`, for a block that rattles at x = 0 or is lifted off.
 
-        Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1. Steps
-        are a part of that; from |f| = 1 on they also grow with the time since.
+        Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1, the
+        level of lift-off. Steps are a part of that; from |f| = 1 on they also grow with the time since. It is
+        nondimensional, and inf where |f| has been above 1 since before the start.
         """
         time, growth = now.time, self.settings.growth
         dynamics = self.dynamics.averaged_over(time, 1e-6 * self._cycle)

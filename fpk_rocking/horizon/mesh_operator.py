@@ -177,7 +177,7 @@ class MeshOperator:
 
     @property
     def settings(self):
-        """Mesh, degree, quadrature and steps."""
+        """Mesh, degree, quadrature and steps as a dict for JSON, with unknowns and velocity bound."""
         own = {"unknowns": self.space.unknowns, "velocity_bound": float(self.space.velocity_lines[-1])}
         return self.propagator.discretization.settings | own
 

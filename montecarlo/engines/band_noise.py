@@ -180,7 +180,7 @@ def interpolate(out, base, s, g, k):
 
 
 def _largest_noise(noise, harmonics):
-    """Return a bound of band noise less its envelope, or 0 without noise; `harmonics`: its `Band`.
+    """Return a bound of band noise without the factor of its envelope, or 0 without noise; `harmonics`: its `Band`.
 
     Equal amplitudes have a sum. Gaussian noise has none, but passes 12 standard deviations with a probability of 4e-33.
     """

@@ -257,7 +257,7 @@ def _try_collocation(state, side, number, j, parameters, workspace):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
-    """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for a slender block.
+    """Write the noise, without the factor of its envelope, to `workspace.noise` (TERMS,), for a slender block.
 
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. j is not used.
@@ -272,7 +272,7 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(inline="always")
 def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
-    """Write the noise, less its envelope, to `workspace.noise` (TERMS,), for an exact block.
+    """Write the noise, without the factor of its envelope, to `workspace.noise` (TERMS,), for an exact block.
 
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. j is not used.
@@ -282,11 +282,12 @@ def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
-    """Carry a slender block from `begin` to `end` of interval j; return x, v, side and the time reached.
+    """Carry a slender block from `begin` to `end` of interval j of the table period; return x, v, side, time reached.
 
-    Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
-    `impacts`. The envelope has the polynomial `strength` (order,) in between. `tried`, `last`: for an exact block.
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    Times are since the interval's middle, that of overturning included; `origin` is the τ of the middle, to record
+    `impacts` (an `ImpactRecord`, or None). From `begin` to `end` the envelope is the polynomial `strength` (order,) in
+    these times. `tried`, `last`: for an exact block. `parameters`, `workspace`: `Parameters` and `Workspace` of
+    `band_noise`; the force in `workspace.interval` is overwritten. The time reached is `end` unless it overturns.
     """
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
     write_product(strength, workspace.noise, parameters.zeros, force)
@@ -299,12 +300,10 @@ def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameter
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):
-    """Carry an exact block from `begin` to `end` of interval j; return x, v, side and the time reached.
+    """Carry an exact block from `begin` to `end` of interval j of the table period; return x, v, side, time reached.
 
-    Times are since the interval's middle, that of overturning included, and the middle's own is `origin`, to record
-    `impacts`. The envelope has the polynomial `strength` (order,) in between. If `tried`, `last` is (angle, velocity)
-    at `end` of the flight that begins there, unless it meets an event. `parameters`, `workspace`: `Parameters` and
-    `Workspace` of `band_noise`.
+    As `_advance_slender`. If `tried`, `last` is (angle, velocity) at `end` of the flight that begins there, unless it
+    meets an event.
     """
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
     write_product(strength, workspace.noise, parameters.forced[j], force)

@@ -222,7 +222,7 @@ def _linear_pieces(envelope, begins, ends, span):
 
 
 class NoiseWorkspace(NamedTuple):
-    """The noise in an interval, less its envelope, as far as a realization has come.
+    """The noise in an interval, without the factor of its envelope, as far as a realization has come.
 
     `drawn` (2n + 2,): the states at the begin and at the end of the interval, and the angle and velocity that the noise
     adds to a flight over it. `normals` (n + 2,): scratch. `bernstein` (d + 1,): its Bernstein coefficients; `signal`
@@ -346,9 +346,9 @@ def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def bound_noise(j, tables, envelope, noise, margin):
-    """Write the noise in interval j, less its envelope, as Bernstein coefficients; return bounds (low, high) of it.
+    """Write the noise in interval j, without the factor of its envelope, as Bernstein coefficients; return its bounds.
 
-    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds are with the envelope, for
+    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds, low and high, are with the envelope, for
     noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
     """
     return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)

@@ -157,10 +157,9 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 def lift_off_time(segment, start, end, block):
     """First time in [start, end] at which a block at rest lifts off, and the side it goes to; `end` and 0 if it stays.
 
-    Times count from the start of a `Segment`; `block` is a `KernelBlock`. |f| must pass its level by more than a
-    margin, a
-    thousand times the rounding of f: the block then surely leaves, and whoever asks again at the same time gets the
-    same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
+    Times count from the start of a `Segment`; `block` is a `KernelBlock`. |f| must pass its level by more than
+    a margin, a thousand times the rounding of f: the block then surely leaves, and whoever asks again at the same time
+    gets the same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
     left, right = lift_off_level(-1, block), lift_off_level(1, block)

@@ -294,7 +294,7 @@ def noise_slope(samples, k, slopes):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def noise_at_points(values, g, k):
-    """Noise at the NODES points of an interval, a SIMD vector, less its envelope.
+    """Noise at the NODES points of an interval, a SIMD vector, without the factor of its envelope.
 
     `values` (WIDTH, NODES): as of `Collocation`; g: samples of a chunk, those of this interval from number k on.
     """
