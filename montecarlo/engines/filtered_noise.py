@@ -348,8 +348,8 @@ def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
 def bound_noise(j, tables, envelope, noise, margin):
     """Write the noise in interval j, without the factor of its envelope, as Bernstein coefficients; return its bounds.
 
-    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds, low and high, are with the envelope, for
-    noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
+    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds, low and high, are with the
+    envelope, for noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
     """
     return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)
 
