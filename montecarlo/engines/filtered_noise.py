@@ -349,7 +349,8 @@ def bound_noise(j, tables, envelope, noise, margin):
     """Write the noise in interval j, without the factor of its envelope, as Bernstein coefficients; return its bounds.
 
     They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds, low and high, are with the
-    envelope, for noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
+    envelope, for noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`:
+    `EnvelopeTables`.
     """
     return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)
 
