@@ -175,7 +175,7 @@ class Study(Result):
             text = f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], "
             text += f"dispersion {fit.dispersion:.3g}" + f", of which {curve.parts}" * bool(curve.parts)
             misfit = f"largest misfit of a probability {fit.misfit:.2g}"
-            misfit += f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", the fit is accepted"
+            misfit += f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", no reason to reject the fit"
             lines.append(f"{text}; {misfit}.")
         if self.added and self.moved <= MOVED:
             moved = f"the last of them moved the rate by {100.0 * self.moved:.2g} %"
