@@ -133,23 +133,24 @@ def page(values):
     """Title and text of the results, in Markdown."""
     coverage = values["coverage"]
     shares = np.array([[row[name] for name in NAMES] for kind in coverage.values() for row in kind.values()])
-    answered = [row["suites"] for kind in coverage.values() for row in kind.values()]
+    answered = [row["suites with a fit"] for kind in coverage.values() for row in kind.values()]
     lacking = values["suites"] - min(answered)
     tests = values["rejected at 5 %, critical intensities"]
     binned = values["rejected at 5 %, lognormal"]
     sizes = list(next(iter(coverage.values())))
     low, high = min(tests["lognormal"].values()), max(tests["lognormal"].values())
     result = (
-        f"**Result.** 95 % limits contain the truth in {shares.mean():.3f} of the suites on average; the single shares "
-        f"below are {shares.min():.3f} to {shares.max():.3f} (standard error "
+        f"**Result.** 95 % limits contain the truth in {np.nanmean(shares):.3f} of the suites on average; the single "
+        f"shares below are {np.nanmin(shares):.3f} to {np.nanmax(shares):.3f} (standard error "
         f"{math.sqrt(0.0475 / values['suites']):.3f}). The test of lognormality rejects {low:.3f} to {high:.3f} of "
         "lognormal suites at 5 %."
     )
     method = (
         "Suites are drawn from populations of motions whose capacities are lognormal: median 0.7, dispersion 0.4 from "
         "motion to motion, 0.25 from block to block and 0.25 by the noise. The rate is that under a hazard im^-2.5. "
-        f"Suites that determine no curve, up to {lacking} of {values['suites']}, are left out. Suites of one number "
-        "share their random numbers, so that the shares of different outcomes deviate together."
+        f"Suites that determine no lognormal curve, up to {lacking} of {values['suites']}, have limits of the rate and "
+        "of P alone; P above the known intensities is left out. Suites of one number share their random numbers, so that "
+        "the shares of different outcomes deviate together."
     )
     text = [
         result,
@@ -161,7 +162,7 @@ def page(values):
     ]
     for name, rows in coverage.items():
         text += [
-            f"| {name} | {size} | {' | '.join(f'{row[column]:.3f}' for column in NAMES)} |"
+            f"| {name} | {size} | {' | '.join(f'{row[column]:.3f}'.replace('nan', '') for column in NAMES)} |"
             for size, row in rows.items()
         ]
     text += ["", "Share of suites that the test rejects at 5 %, by the law of the capacities:", ""]

@@ -53,8 +53,8 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
     assert total == pytest.approx(curve.fit.dispersion, rel=1e-12)
     low, high = curve.fit.median_interval
     assert math.log(high / low) == pytest.approx(2 * 1.96 * math.hypot(0.3, 0.125) / math.sqrt(80), rel=0.3)
-    one = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
-    alone = IntensityCurve.of(suite(shares, one.scenes, 1_000_000), "PGV", draws=one, samples=200)
+    blocks = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
+    alone = IntensityCurve.of(suite(shares, blocks.scenes, 1_000_000), "PGV", draws=blocks, samples=200)
     assert alone.records == 1
     assert list(alone.sources) == ["noise", "block.restitution"]
     assert math.log(alone.fit.median_interval[1] / alone.fit.median_interval[0]) < 0.9 * math.log(high / low)
@@ -63,7 +63,7 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
 def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
     """Two groups of motions, 8 and 12: Clopper and Pearson's for 20, by an independent function."""
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 20
-    shares = [(one < SCALES).astype(float) for one in [0.2] * 8 + [2.0] * 12]
+    shares = [(critical < SCALES).astype(float) for critical in [0.2] * 8 + [2.0] * 12]
     curve = IntensityCurve.of(suite(shares, scenes, 1), "PGV")
     assert curve.fit.rejected
     assert curve.fit.rejected.endswith("below 0.05")
@@ -75,10 +75,10 @@ def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
 
 def test_one_scene_has_the_limits_of_its_sample():
     scene = at_intensity(Scene(Block(0.9, SIZE), Pulse("one-sine", 2.0, 4.0), BandNoise(0.05, (0.0, 10.0), 30)), "PGV")
-    found = fragility(scene, scale=np.geomspace(0.4, 2.5, 8), realizations=300)
-    curve = IntensityCurve.of(found, "PGV")
-    assert np.array_equal(curve.probability, found.overturned[0])
-    assert np.array_equal(curve.intensity, found.scale * intensity_of(scene, "PGV"))
+    curves = fragility(scene, scale=np.geomspace(0.4, 2.5, 8), realizations=300)
+    curve = IntensityCurve.of(curves, "PGV")
+    assert np.array_equal(curve.probability, curves.overturned[0])
+    assert np.array_equal(curve.intensity, curves.scale * intensity_of(scene, "PGV"))
     direct = fit_lognormal(curve.intensity, curve.probability, 300)
     assert curve.fit.median == pytest.approx(direct.median, rel=1e-9)
     # Two ways to the same interval: information, and counts drawn from the curve.
