@@ -17,7 +17,7 @@ import numpy as np
 from scipy import special, stats
 
 from fpk_rocking import Scene
-from fpk_rocking.base.files import write_json
+from fpk_rocking.base.files import plain, write_json
 from fpk_rocking.risk import Hazard, annual_frequency
 from fpk_rocking.studies import Draws, Fragility, IntensityCurve
 from fpk_rocking.studies.jumps import MotionOutcomes, overturns
@@ -149,7 +149,7 @@ def page(values):
         "Suites are drawn from populations of motions whose capacities are lognormal: median 0.7, dispersion 0.4 from "
         "motion to motion, 0.25 from block to block and 0.25 by the noise. The rate is that under a hazard im^-2.5. "
         f"Suites that determine no lognormal curve, up to {lacking} of {values['suites']}, have limits of the rate and "
-        "of P alone; P above the known intensities is left out. Suites of one number share their random numbers, so that "
+        "of P alone; P above the known intensities is left out. Suites of one number share random numbers, so that "
         "the shares of different outcomes deviate together."
     )
     text = [
@@ -177,4 +177,4 @@ def page(values):
 
 if __name__ == "__main__":
     tables = run()
-    write_json(sys.argv[1] if len(sys.argv) > 1 else "docs/benchmarks/few_motions.json", page(tables) | tables)
+    write_json(sys.argv[1] if len(sys.argv) > 1 else "docs/benchmarks/few_motions.json", plain(page(tables) | tables))
