@@ -324,7 +324,11 @@ def _limits(curve, y, density):
     if curve.fitted and len(curve.replicates):
         from scipy import special
 
-        rates = [density @ special.ndtr((y - math.log(median)) / spread) for median, spread in curve.replicates]
+        # Few motions agree with medians of 0 and inf.
+        with np.errstate(divide="ignore"):
+            middles = np.log(curve.replicates[:, 0])
+        pairs = zip(middles, curve.replicates[:, 1], strict=True)
+        rates = [density @ special.ndtr((y - middle) / spread) for middle, spread in pairs]
         low, high = np.quantile(rates, [0.025, 0.975]).tolist()
         return low, high
     if curve.fitted:

@@ -9,7 +9,7 @@ from scipy import stats
 from suites import SCALES, SIZE, curve_of, record, suite
 
 from fpk_rocking import BandNoise, Block, NoNoise, Pulse, Scene
-from fpk_rocking.risk import IntensityCurve, at_intensity
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
 from fpk_rocking.studies import drawn, fragility
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.motions import intensity_of
@@ -71,6 +71,17 @@ def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
         proper = stats.binomtest(round(20 * share), 20).proportion_ci(method="exact")
         assert limits == pytest.approx((proper.low, proper.high), abs=1e-9)
     assert np.array_equal(curve(SCALES), curve.probability)
+
+
+def test_two_of_five_motions_give_limits_without_a_warning():
+    """They agree with medians that no number holds, and with rates from 0 up; numpy's warnings are errors here."""
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 5
+    shares = [(critical < SCALES).astype(float) for critical in (0.2, 2.0, 9.0, 9.0, 9.0)]
+    curves = [IntensityCurve.of(suite(shares, scenes, 1), "PGV", seed=seed) for seed in range(1, 5)]
+    assert any(np.isinf(curve.replicates).any() for curve in curves)
+    for curve in curves:
+        risk = annual_frequency(curve, Hazard.power_law(1e-3, 2.5))
+        assert 0.0 <= risk.interval[0] < risk.rate < risk.interval[1] < np.inf
 
 
 def test_one_scene_has_the_limits_of_its_sample():
