@@ -375,7 +375,7 @@ def _print(options, result, values, table, films=()):
     if getattr(options, "report", None):
         from fpk_rocking.output.report import write_report
 
-        scenes = [one.scene for one in films] or result.scenes
+        scenes = [film.scene for film in films] or result.scenes
         size = write_report(options.report, result, values, table()[2], films, scenes)
         sys.stderr.write(f"fpk-rocking {options.command}: {options.report}: {size / 1000:,.0f} kB\n")
     if options.json:

@@ -50,8 +50,8 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     >>> from fpk_rocking.studies import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> to_nrml("rack.xml", [IntensityCurve.of(found, "PGV")], name="RACK")
+    >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> to_nrml("rack.xml", [IntensityCurve.of(curves, "PGV")], name="RACK")
     """
     curves = _same(curves)
     check_name(name)
@@ -114,8 +114,8 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     >>> from fpk_rocking.studies import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> found = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> to_pelicun("rack.csv", IntensityCurve.of(found, "PGV"), name="RACK")
+    >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
+    >>> to_pelicun("rack.csv", IntensityCurve.of(curves, "PGV"), name="RACK")
     """
     check_name(name)
     if refused := not_for_pelicun(curve):

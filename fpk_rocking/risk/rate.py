@@ -215,13 +215,13 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
-    >>> from fpk_rocking.studies import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> risk = annual_frequency(IntensityCurve.of(curves, "PGV"), Hazard.power_law(rate=1e-3, exponent=2.5))
+    >>> from fpk_rocking.studies import fragility, synthetic_records
+    >>> motions = synthetic_records(5, duration=5.0)
+    >>> racks = [at_intensity(Scene.from_block(0.5, 1.8, record=motion)) for motion in motions]
+    >>> curve = IntensityCurve.of(fragility(racks, scale=[0.5, 1.0, 2.0]))
+    >>> risk = annual_frequency(curve, Hazard.power_law(rate=1e-3, exponent=2.5))
     >>> print(f"{risk.rate:.1e} per year")
-    3.2e-03 per year
+    1.9e-03 per year
     """
     checks.instance("curve", curve, IntensityCurve)
     checks.instance("hazard", hazard, Hazard)
@@ -324,7 +324,11 @@ def _limits(curve, y, density):
     if curve.fitted and len(curve.replicates):
         from scipy import special
 
-        rates = [density @ special.ndtr((y - math.log(median)) / spread) for median, spread in curve.replicates]
+        # Few motions agree with medians of 0 and inf.
+        with np.errstate(divide="ignore"):
+            middles = np.log(curve.replicates[:, 0])
+        pairs = zip(middles, curve.replicates[:, 1], strict=True)
+        rates = [density @ special.ndtr((y - middle) / spread) for middle, spread in pairs]
         low, high = np.quantile(rates, [0.025, 0.975]).tolist()
         return low, high
     if curve.fitted:

@@ -17,7 +17,6 @@ from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.export import NAMES, not_for_pelicun, to_nrml, to_pelicun
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
-from fpk_rocking.risk.refinement import MOVED
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, factor_diagnostics, motion_table
 from fpk_rocking.studies.drawing import Draws
@@ -25,6 +24,9 @@ from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.motions import motion_lines
 from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
+
+MOVED = 0.01
+"""With noise intensities are added until they move the rate by less than this part."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -175,7 +177,9 @@ class Study(Result):
             text = f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], "
             text += f"dispersion {fit.dispersion:.3g}" + f", of which {curve.parts}" * bool(curve.parts)
             misfit = f"largest misfit of a probability {fit.misfit:.2g}"
-            misfit += f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", the fit is accepted"
+            misfit += (
+                f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", no reason to reject the fit"
+            )
             lines.append(f"{text}; {misfit}.")
         if self.added and self.moved <= MOVED:
             moved = f"the last of them moved the rate by {100.0 * self.moved:.2g} %"

@@ -1,35 +1,37 @@
 """`study`: records at equal intensities, their curve, and the annual rate under a hazard."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Any
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import ArrayLike, File, Progress, not_none
+from fpk_rocking.base.checks import Array, ArrayLike, File, Progress, not_none
 from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.risk.export import check_name
 from fpk_rocking.risk.hazard import Hazard
-from fpk_rocking.risk.rate import annual_frequency
-from fpk_rocking.risk.refinement import refined
-from fpk_rocking.risk.result import Study, corrected
+from fpk_rocking.risk.rate import Risk, annual_frequency
+from fpk_rocking.risk.result import MOVED, Study, corrected
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import (
-    critical_intensities,
-)
+from fpk_rocking.studies.critical import critical_intensities
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.drawing import drawn
 from fpk_rocking.studies.execution import seed_of
 from fpk_rocking.studies.motions import at_intensity, recorded_scenes
 from fpk_rocking.studies.pooled import IntensityCurve
+from fpk_rocking.studies.result import Fragility
 
 FEWEST_RECORDS = 5
 """Least number of motions, or of blocks under one motion, that a study accepts beside one."""
 
 BLOCKS = 100
 """Blocks that are drawn for all motions together: a dispersion that they give has a standard error of a tenth of β."""
+
+CLOSEST, MOST_INTENSITIES = 0.02, 64
+"""Intensities are added no closer in the logarithm than this to others, up to so many, or twice those asked for."""
 
 
 def study(
@@ -177,3 +179,73 @@ def _critical(scenes, measure, curves, draws):
     # Up to an intensity this low nothing is searched for: what each motion does at its own scale is left.
     own = critical_intensities(scenes, measure=measure, highest=1e-9 * highest)
     return dataclasses.replace(own, highest=highest, jumps=curves.motions.jumps[:, 0].copy())
+
+
+def refined(
+    sample: Callable[[Array, int], Fragility], risk_of: Callable[[Fragility], Risk], asked: Array
+) -> tuple[Fragility, int, float]:
+    """Add intensities where the rate comes from, until a round of them moves it by less than `MOVED`.
+
+    Parameters
+    ----------
+    sample : callable
+        `Fragility` of intensities (n,) and the number of the round.
+    risk_of : callable
+        `Risk` of a `Fragility`.
+    asked : ndarray, shape (n,)
+        Intensities to begin with, ascending.
+
+    Returns
+    -------
+    curves : Fragility
+    added : int
+        Number of intensities that were added; 0 without noise, where the rate does not depend on them.
+    moved : float
+        Part of the rate by which the last round moved it; inf where the rate is 0.
+    """
+    curves, rounds = sample(asked, 0), 0
+    if curves.motions is not None:
+        return curves, 0, 0.0
+    risk, moved = risk_of(curves), math.inf
+    while risk.rate > 0.0 and moved > MOVED and curves.scale.size < max(MOST_INTENSITIES, 2 * asked.size):
+        more, rounds = _more_intensities(risk), rounds + 1
+        if not more.size:
+            return curves, curves.scale.size - asked.size, 0.0
+        curves, before = _joined(curves, sample(more, rounds)), risk.rate
+        risk = risk_of(curves)
+        moved = abs(risk.rate / before - 1.0)
+    return curves, curves.scale.size - asked.size, moved
+
+
+def _more_intensities(risk):
+    """Intensities (n,) that part the intervals of a curve in which the rate is least known, four fifths of it in all.
+
+    By how much: half the rise of the probability over an interval, times the rate at which it is met. Below the lowest
+    point the probability may be that of it or 0. Intervals narrower than `CLOSEST` are not parted.
+    """
+    y, shares = np.log(risk.curve.intensity), np.maximum.accumulate(risk.curve.probability)
+    step = max(float(np.diff(y).max(initial=0.0)), CLOSEST)
+    y, shares = np.append(y[0] - 2.0 * step, y), np.append(0.0, shares)
+    doubt = -0.5 * np.diff(shares) * np.diff(risk.hazard(np.exp(y)))
+    doubt[np.diff(y) < 2.0 * CLOSEST] = 0.0
+    order = np.argsort(-doubt, kind="stable")
+    chosen = order[: np.searchsorted(np.cumsum(doubt[order]), 0.8 * doubt.sum()) + 1]
+    chosen = chosen[doubt[chosen] > 1e-3 * risk.rate]
+    return np.sort(np.exp(0.5 * (y[1:] + y[:-1])[chosen]))
+
+
+def _joined(first, second):
+    """Return the `Fragility` of the scales of two, of the same scenes."""
+    scale = np.concatenate([first.scale, second.scale])
+    order = np.argsort(scale)
+    place = np.argsort(order)
+    reasons = {
+        ",".join([*key.split(",")[:2], str(place[int(key.split(",")[2]) + begin])]): reason
+        for part, begin in ((first, 0), (second, first.scale.size))
+        for key, reason in part.reasons.items()
+    }
+    parts = {
+        name: np.concatenate([getattr(first, name), getattr(second, name)], axis=-1)[..., order]
+        for name in ("scale", "probability", "error_estimate")
+    }
+    return dataclasses.replace(first, **parts, reasons=reasons, wall_s=first.wall_s + second.wall_s)

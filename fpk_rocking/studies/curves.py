@@ -116,7 +116,7 @@ def fragility(
     lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
     options, realizations = _options(engine, shaken, lasting, realizations, tol)
     shape = len(scenes), 1 + len(levels), len(factors)
-    searched = engine == "exact" and all(one.deterministic for one in shaken)
+    searched = engine == "exact" and all(scene_at_one.deterministic for scene_at_one in shaken)
     jobs: list[Job] = []
     job_of = np.arange(math.prod(shape[:2] if searched else shape)).reshape(*shape[:2], -1) + np.zeros(shape, int)
     for m, which, n in np.ndindex(*shape[:2], 1 if searched else shape[2]):

@@ -236,8 +236,8 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
     >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
     >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
     >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
-    >>> for found in ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0])):
-    ...     print(f"{found.measure}: deviance {found.deviance:.1f}")
+    >>> for ranking in ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0])):
+    ...     print(f"{ranking.measure}: deviance {ranking.deviance:.1f}")
     p PGV / (g tan θ_cr): deviance 5.1
     PGV, m/s: deviance 8.0
     PGA, g: deviance 13.3

@@ -99,8 +99,8 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
     >>> from fpk_rocking.studies.picture import surface_figure
     >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> found = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, over={"size": [0.8, 1.0]}, realizations=500)
-    >>> print(surface_figure("sizes.png", found, title="Racks of two sizes"))
+    >>> curves = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, over={"size": [0.8, 1.0]}, realizations=500)
+    >>> print(surface_figure("sizes.png", curves, title="Racks of two sizes"))
     sizes.png
     """
     notes = _notes([result])
@@ -339,7 +339,8 @@ def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tu
     """Return title, table and closing sentences of an `IntensityCurve`, a line for each motion last."""
     columns = curve.table()
     rows = zip(
-        *([f"{value:.4g}" if np.isfinite(value) else "-" for value in one] for one in columns.values()), strict=True
+        *([f"{value:.4g}" if np.isfinite(value) else "-" for value in column] for column in columns.values()),
+        strict=True,
     )
     return (
         curve.title,

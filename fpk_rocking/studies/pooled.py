@@ -308,7 +308,9 @@ def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng):
         return fields | {"fit": fit}
     population, values = capacities.draws(samples, rng)
     spreads = np.linalg.norm(population[:, 1:], axis=1)
-    fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
+    # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
+    with np.errstate(over="ignore"):
+        fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
     if searched:
         fit = LognormalFit(*capacities.moments(population))
         fit = fit._replace(misfit=float(np.abs(fit(intensity) - mean).max()))

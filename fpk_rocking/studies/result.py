@@ -210,7 +210,7 @@ class Fragility(Saved, Result):
         -------
         str
         """
-        sizes = [one.block.size for one in self.scenes]
+        sizes = [motion.block.size for motion in self.scenes]
         size = sizes[scene]
         if self.axis != "scene":
             return f"{self.axis} {self.place[scene]:.4g}"
@@ -228,7 +228,9 @@ class Fragility(Saved, Result):
         """Sentences that a reader of this result needs: the noise that was replaced, and what is not to be trusted."""
         baseline = baseline_remark(scene.forcing for scene in self.scenes)
         of = (*(scene.noise.remark for scene in self.scenes), self.noise_replacement, baseline)
-        return tuple(dict.fromkeys((*filter(None, of), *(one.message for one in self.model_diagnostics()))))
+        return tuple(
+            dict.fromkeys((*filter(None, of), *(diagnostic.message for diagnostic in self.model_diagnostics())))
+        )
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Diagnostics of this result beside its sampling errors, each kind once."""
@@ -313,7 +315,7 @@ class Fragility(Saved, Result):
         reasons = np.full(self.probability.shape, "", dtype=object)
         for key, reason in self.reasons.items():
             reasons[tuple(map(int, key.split(",")))] = reason
-        measures = [[one.columns(scale) for scale in self.scale] for one in self.intensities]
+        measures = [[measure.columns(scale) for scale in self.scale] for measure in self.intensities]
         return Dataset(
             {
                 "event_angle": ((self.axis, "level"), levels),
@@ -324,7 +326,7 @@ class Fragility(Saved, Result):
                 "high": (dims, limits[..., 1]),
                 "lognormal": (dims, np.array(fitted)),
                 **{
-                    name: ((self.axis, "scale"), np.array([[at[name] for at in one] for one in measures]))
+                    name: ((self.axis, "scale"), np.array([[at[name] for at in row] for row in measures]))
                     for name in measures[0][0]
                 },
                 "reason": (dims, reasons.astype(str)),

@@ -262,7 +262,7 @@ def test_other_exceptions_that_nobody_takes_are_shown(monkeypatch):
     monkeypatch.setattr(sys, "unraisablehook", hook)
     monkeypatch.setattr(fpk_rocking.density, "solve_fpk", lambda scene, **_: failing() or fakes.FakeEvolution(scene))
     assert run("fpk", MAIN)[0] == 0
-    assert [type(one.exc_value) for one in shown] == [ValueError]
+    assert [type(problem.exc_value) for problem in shown] == [ValueError]
     assert sys.unraisablehook is hook
     assert [signal.getsignal(sign) for sign in signs] == handlers
 

@@ -219,7 +219,7 @@ def test_peaks_in_g_take_the_place_of_scales(run):
     direct = fragility(rack, scale=[0.4 / 0.3, 3.0], cycles=2, realizations=300).probability
     assert loaded.probability == pytest.approx(direct, abs=1e-9)
     assert 0.0 < direct.max() < 1.0
-    assert [one.columns(1.0)["pga_g"] for one in loaded.intensities] == pytest.approx([1.0])
+    assert [measure.columns(1.0)["pga_g"] for measure in loaded.intensities] == pytest.approx([1.0])
     kept = Fragility.load(run("fragility", rack, pga="0.9", cycles=2, realizations=300, keep_noise=True)[1])
     assert kept.scenes[0].noise == rack.noise
     with pytest.raises(AssertionError, match="accepted: a list of factors, or --pga or --pgv in its place"):

@@ -267,6 +267,8 @@ KINDS = {
     "critical": made_studies.critical,
     "pooled": made_studies.pooled,
     "probability": made_studies.probability,
+    "risk": made_studies.risk,
+    "study": made_studies.study,
     "sweep": made_studies.sweep,
     "list": functools.partial(made_studies.sweep, gridded=False),
     "operator": operator,

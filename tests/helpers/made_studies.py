@@ -1,4 +1,4 @@
-"""Made results of studies: curves, surfaces, sweeps, probabilities and critical intensities (see made_results)."""
+"""Made results of studies: curves, surfaces, sweeps, probabilities, critical intensities, rates (see made_results)."""
 
 import itertools
 import math
@@ -8,6 +8,7 @@ from made_parts import CYCLES, MAIN, Made, wilson
 from scipy import stats
 
 from fpk_rocking import Scene
+from fpk_rocking.risk import Hazard, Risk, Study
 from fpk_rocking.studies import CriticalIntensities, Fragility, IntensityCurve, Sweep
 from fpk_rocking.studies.lognormal import LognormalFit
 from fpk_rocking.studies.overturning import Probability
@@ -188,3 +189,30 @@ def critical():
     places = {"motion": names, "number": [1, 2, 3]}
     columns = {"motion": np.array(names)} | variables
     return Made(result, columns, arrays | {"jump": (("motion", "number"), jumps)}, places)
+
+
+def risk():
+    """A rate from 130 bins of intensity."""
+    edges, contribution = np.geomspace(0.1, 3.0, 131), np.random.default_rng(19).dirichlet(np.ones(130))
+    result = Risk(
+        1e-4, (5e-5, 2e-4), edges, contribution, 0.01, 0.02, 0.005, pooled().result, Hazard.power_law(1e-3, 2.5)
+    )
+    columns = {"bin": np.arange(1, 131), "low": edges[:-1], "high": edges[1:], "contribution": contribution}
+    variables = {name: (("bin",), values) for name, values in columns.items() if name != "bin"}
+    return Made(result, columns, variables, {"bin": columns["bin"]})
+
+
+def study():
+    """A study of 132 motions without noise, at 130 intensities."""
+    suite, curve = critical(), pooled()
+    intensity = curve.places["PGV_m_per_s"]
+    shares = np.random.default_rng(23).integers(0, 2, (len(suite.result.scenes), intensity.size)).astype(float)
+    curves = Fragility(
+        suite.result.scenes, "scene", np.arange(len(shares)), np.empty(0), intensity, shares[:, None],
+        np.full_like(shares[:, None], math.nan), "exact", 1, True, {"cycles": 4}, "", {}, 1.0,
+    )  # fmt: skip
+    recorded = {"recorded": suite.result.scenes, "critical": suite.result}
+    result = Study(curves, curve.result, risk().result, "rack", BLOCKS[0], **recorded)
+    variables = {name: (("motion",), values) for name, values in suite.columns.items() if name != "motion"}
+    variables |= {"probability_of_motion": (("motion", "PGV_m_per_s"), shares)} | curve.variables
+    return Made(result, suite.columns, variables, {"motion": suite.places["motion"]} | curve.places)

@@ -198,9 +198,14 @@ def test_units_and_steps_that_were_typed_wrong_are_named():
     gal = tuple(100.0 * a for a in motion.samples)
     (sentence,) = implausible(scene_of(Record(0.01, gal, "g", scale=1e-3, source="x.txt")))
     assert f"The peak acceleration of x.txt is {G * max(map(abs, gal)):.4g} m/s²" in sentence
-    assert f"was {max(map(abs, motion.samples)):.4g} m/s² meant (cm/s²)?" in sentence
+    meant = f"was {max(map(abs, motion.samples)):.4g} m/s² (cm/s²) meant? 1 g is 9.80665 m/s² or 980.665 cm/s²."
+    assert sentence.endswith(meant)
     (sentence,) = implausible(scene_of(Record(0.01, gal, "m/s2")))
-    assert f"was {max(map(abs, motion.samples)):.4g} m/s² meant (cm/s²)?" in sentence
+    assert sentence.endswith(meant)
+    largest = max(map(abs, motion.samples))
+    (sentence,) = implausible(scene_of(Record(0.01, tuple(3.5 * a / largest for a in motion.samples), "g", scale=0.1)))
+    assert "34.32 m/s² (3.5 g); was 3.5 m/s² (m/s²) or 0.035 m/s² (cm/s²) meant? 1 g is" in sentence
+    assert implausible(scene_of(Record(0.01, tuple(2.8 * a / largest for a in motion.samples), "g"))) == []
     slow = Record(0.2, tuple(3.0 * a for a in motion.samples), "m/s2", source="y.txt")
     (sentence,) = implausible(scene_of(slow))
     assert sentence.startswith("The PGV of y.txt is ")
@@ -248,7 +253,7 @@ def test_names_tell_the_columns_of_time_and_acceleration(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("# three\n0.0,1.5,2\n0.1,2.5,2\n", r"got a line of 3 columns, accepted: time .* with 'acc' \(line 2\)"),
+        ("# three\n0.0,1.5,2\n0.1,2.5,2\n", r"got a line of 3 columns, accepted: time .* one 'acc' \(line 2\)"),
         ("time,acc_x,acc_y\n0.0,1.5,2\n0.1,2.5,2\n", r"got a line of 3 columns, accepted: time .* \(line 2\)"),
         ("time,acc,v\n0.0,1.5,2\n0.1,2.5\n", r"got a line of 2 columns, accepted: the 3 that .* names \(line 3\)"),
         ("time,acc\n0.0,1.5\n0.1,x\n", r"got 'x', accepted: finite numbers \(line 3\)"),
@@ -361,6 +366,10 @@ def test_other_formats_are_read_by_obspy(tmp_path, name, kind):
     assert record.baseline == "mean"
     with pytest.raises(ValueError, match=r"forcing.units: missing"):
         Record.from_file(tmp_path / name)
+    vertical = obspy.Trace(samples, {"sampling_rate": 50.0, "channel": "HNZ"})
+    vertical.write(str(tmp_path / name), format=kind)
+    with pytest.raises(ValueError, match=r"forcing.file: .* the vertical component \(channel ends with 'Z'\)"):
+        Record.from_file(tmp_path / name, units="g")
     (tmp_path / name).write_bytes(b"\0" * 1000)
     with pytest.raises(ValueError, match=r"got binary data, accepted: a text file, or what ObsPy reads .*\[obspy\]"):
         Record.from_file(tmp_path / name, units="g")

@@ -145,6 +145,8 @@ BAD_COLUMNS = {
     "cut": ("0.00 1\n0.01 2\n0.0", "got a line of 1 columns"),
     "descending": ("0.00 1\n0.02 2\n0.01 3\n", "got the time 0.01 after 0.02, accepted: ascending"),
     "twice": ("0.00 1\n0.00 2\n0.01 3\n", "got the time 0 after 0"),
+    "late": ("0.00 1\n0.01 2\n0.20 3\n0.03 4\n0.04 5\n", r"got the time 0.2 for 0.02, accepted: equally .* \(line 3\)"),
+    "early": ("0.00 1\n0.01 2\n0.02 3\n0.003 4\n0.04 5\n", r"got the time 0.003 after 0.02, .* \(line 4\)"),
     "uneven": ("0.00 1\n0.01 2\n0.03 3\n", "got the time 0.01 for 0.015, accepted: equally spaced"),
     "nan": ("0.00 1\n0.01 nan\n", "got 'nan', accepted: finite numbers"),
     "words": ("time acc\n0.0 1\n", "got 1 samples"),
@@ -179,6 +181,41 @@ def test_bad_files_are_refused_by_name(name, kind, tmp_path):
     path = tmp_path / f"motion.{kind}"
     path.write_text(text)
     with pytest.raises(ValueError, match=rf"forcing.file: '.*motion.{kind}': {says}"):
+        Record.from_file(path, units="g")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "where"),
+    [
+        (
+            "a.AT2",
+            peer(NEW.replace("Event", "Imperial Valley-02, El Centro #9, UP"), SAMPLES),
+            "second line .*'UP'",
+        ),
+        (
+            "b.AT2",
+            peer(OLD.replace("Event", "IMPERIAL VALLEY, CERRO PRIETO, DWN"), SAMPLES),
+            "second line .*'DWN'",
+        ),
+        ("c.ASC", esm([0.5, 1.0], STREAM="HNZ"), "line STREAM .*'Z'"),
+    ],
+)
+def test_a_vertical_component_is_refused(name, text, where, tmp_path):
+    """What the horizontal ones of the same headers are called is read."""
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(ValueError, match=rf"forcing.file: .* the vertical component \({where}\), accepted: a"):
+        Record.from_file(path)
+    for before, after in ((", UP", ", 180"), (", DWN", ", 147"), ("HNZ", "HNE")):
+        text = text.replace(before, after)
+    path.write_text(text)
+    assert len(Record.from_file(path).samples) == len(SAMPLES) * name.endswith("AT2") + 2 * name.endswith("ASC")
+
+
+def test_three_components_in_a_file_are_refused(tmp_path):
+    path = tmp_path / "motion.csv"
+    path.write_text("time,acc_ew,acc_ns,acc_ud\n0.0,1,2,3\n0.1,1,2,3\n")
+    with pytest.raises(ValueError, match=r"got a line of 4 columns, .* of one horizontal component, or"):
         Record.from_file(path, units="g")
 
 

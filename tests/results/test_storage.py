@@ -138,6 +138,30 @@ def test_a_part_may_be_absent_and_fields_have_to_be_there(tmp_path):
             Things.load(path)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda arrays, _: arrays.pop("survival"),
+        lambda arrays, _: arrays.update(extra=np.zeros(2)),
+        lambda arrays, _: arrays.update(survival_=arrays.pop("survival")),
+        lambda _, header: header["attributes"].popitem(),
+        lambda _, header: header["attributes"].update(seed=None),
+        lambda _, header: header.update(scenes={}),
+        lambda _, header: header.update(attributes=[1.0]),
+        lambda _, header: header.clear(),
+    ],
+)
+def test_archives_of_other_content_are_refused(saved, change):
+    """Names that are missing, added or changed, and other headers; all checksums are right."""
+    with np.load(saved) as archive:
+        arrays = dict(archive)
+    header = json.loads(str(arrays.pop("header")))
+    change(arrays, header)
+    np.savez(saved, header=np.array(json.dumps(header)), **arrays)
+    with pytest.raises(ValueError, match=r"result\.npz: "):
+        Things.load(saved)
+
+
 @pytest.mark.parametrize("kept", [0, 10, 0.5, 0.999])
 def test_truncated_file_is_refused(saved, kept):
     whole = saved.read_bytes()

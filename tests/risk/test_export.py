@@ -25,7 +25,9 @@ def test_a_lognormal_curve_in_nrml(tmp_path):
     to_nrml(file, [mild, curve_of(0.7, 0.4)], "rack_1", "a & b")
     model = ET.parse(file).getroot()[0]
     assert model.attrib == {"assetCategory": "contents", "id": "rack_1", "lossCategory": "contents"}
-    assert [one.tag for one in model] == [SPACE + tag for tag in ("description", "limitStates", "fragilityFunction")]
+    assert [element.tag for element in model] == [
+        SPACE + tag for tag in ("description", "limitStates", "fragilityFunction")
+    ]
     assert (model[0].text, model[1].text) == ("a & b", "angle_0p5 overturned")
     function = model[2]
     assert function.attrib == {"id": "rack_1", "format": "continuous", "shape": "logncdf"}

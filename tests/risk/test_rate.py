@@ -49,16 +49,16 @@ def test_a_curve_of_points_is_joined_by_lines_in_the_logarithm():
     grid = np.linspace(math.log(SCALES[0]) - 7.0, math.log(SCALES[-1]) + 20.0, 2_000_001)
     middle = 0.5 * (grid[1:] + grid[:-1])
     rates = hazard(np.exp(grid))
-    for side, found in ((curve.probability, "rate"), (curve.interval[:, 0], 0), (curve.interval[:, 1], 1)):
+    for side, which in ((curve.probability, "rate"), (curve.interval[:, 0], 0), (curve.interval[:, 1], 1)):
         joined = np.interp(middle, np.log(SCALES), side)
         below = stats.norm.cdf(stats.norm.ppf(side[0]) + (middle - math.log(SCALES[0])) / 0.5)
         shares = np.where(middle < math.log(SCALES[0]), below, joined) * -np.diff(rates)
         direct = shares.sum()
         risk = annual_frequency(points, hazard)
-        if found == "rate":
+        if which == "rate":
             assert risk.below_curve == pytest.approx(shares[middle < math.log(SCALES[0])].sum() / direct, rel=1e-4)
             assert f"fragility give {100 * risk.below_curve:.2g} % of the rate." in risk.sentences[0]
-        assert (risk.rate if found == "rate" else risk.interval[found]) == pytest.approx(direct, rel=1e-6)
+        assert (risk.rate if which == "rate" else risk.interval[which]) == pytest.approx(direct, rel=1e-6)
 
 
 def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
@@ -70,7 +70,8 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
         "annual rate of overturning = 2.81e-3 (95 %: 2.32e-3 to 3.40e-3): return period"
     )
     assert any(
-        "beyond the points of the hazard curve, where its last power law goes on: " in one for one in risk.sentences
+        "beyond the points of the hazard curve, where its last power law goes on: " in sentence
+        for sentence in risk.sentences
     )
     points = annual_frequency(
         dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
@@ -107,7 +108,7 @@ def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_
     assert (far.severity, far.message.endswith("goes on: give more of them.")) == (UNUSABLE, True)
     share = annual_frequency(curve, Hazard([0.71 * curve.fit.median, 6.0], [1e-2, 1e-5]))
     assert 0.05 < share.beyond_hazard < 0.5
-    assert [one.severity for one in share.model_diagnostics()] == [CAUTION]
+    assert [diagnostic.severity for diagnostic in share.model_diagnostics()] == [CAUTION]
 
 
 def test_a_power_law_holds_at_all_intensities():

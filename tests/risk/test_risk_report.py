@@ -18,8 +18,8 @@ HAZARD = Hazard(np.geomspace(0.01, 30.0, 15), np.geomspace(0.5, 1e-7, 15))
 
 @pytest.fixture
 def axes():
-    figure, one = plt.subplots()
-    yield one
+    figure, axes = plt.subplots()
+    yield axes
     plt.close(figure)
 
 
@@ -44,15 +44,15 @@ def test_motions_stand_one_above_the_other_in_parts_of_their_peaks(axes):
     assert [label.split("\n")[1] for label in labels[:3]] == [f"{1.5 * unit:.3g} g", f"{4.0 * unit:.3g} g", "0.4 g"]
     assert labels[2].split("\n")[0] == f"{'a' * 16}…{'b' * 7}.AT2 (1)"
     assert axes.figure.get_size_inches()[1] == pytest.approx(1.0 + 0.42 * 15)
-    for place, (line, one) in enumerate(zip(axes.lines, scenes, strict=True)):
+    for place, (line, scene) in enumerate(zip(axes.lines, scenes, strict=True)):
         seconds, height = line.get_data()
         times, low, high = seconds * SIZE.frequency_parameter, *axes.get_ylim()
-        assert (times[0], times[-1]) == pytest.approx((0.0, one.forcing.duration))
+        assert (times[0], times[-1]) == pytest.approx((0.0, scene.forcing.duration))
         assert low < height.min() < height.max() < high
         assert np.abs(height + place).max() == pytest.approx(0.5, rel=1e-3)
         if place < 2:
-            peak = abs(one.forcing.amplitude)
-            assert height + place == pytest.approx([0.5 * one.forcing.value(t) / peak for t in times], abs=1e-9)
+            peak = abs(scene.forcing.amplitude)
+            assert height + place == pytest.approx([0.5 * scene.forcing.value(t) / peak for t in times], abs=1e-9)
         else:
             assert height + place == pytest.approx(0.5 * np.array(samples) / 0.4, abs=1e-12)
 
@@ -72,8 +72,8 @@ def test_the_curve_has_its_points_its_records_and_its_band(axes):
     grid, values = lines["lognormal fit"].get_data()
     assert (grid[0], grid[-1]) == pytest.approx((0.8 * SCALES[0], 1.25 * SCALES[-1]))
     assert np.array_equal(values, risk.curve(grid))
-    (band,) = (one for one in axes.collections if one.get_label() == "its 95 % band")
-    limits = np.quantile([LognormalFit(*one)(grid) for one in replicates], [0.025, 0.975], axis=0)
+    (band,) = (drawn for drawn in axes.collections if drawn.get_label() == "its 95 % band")
+    limits = np.quantile([LognormalFit(*drawn)(grid) for drawn in replicates], [0.025, 0.975], axis=0)
     corners = band.get_paths()[0].vertices[:, 1]
     assert (corners.min(), corners.max()) == pytest.approx((limits.min(), limits.max()), abs=1e-12)
     assert set(np.round(limits.ravel(), 9)) <= set(np.round(corners, 9))
@@ -85,7 +85,7 @@ def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):
     assert [line.get_label() for line in axes.lines if line.get_color() in {"0.75", "black"}] == [
         "points joined by lines"
     ]
-    assert not any(one.get_label() == "its 95 % band" for one in axes.collections)
+    assert not any(drawn.get_label() == "its 95 % band" for drawn in axes.collections)
 
 
 def test_the_shares_of_the_frequency_stand_beside_the_hazard(axes):
@@ -95,7 +95,7 @@ def test_the_shares_of_the_frequency_stand_beside_the_hazard(axes):
     assert [bar.get_x() for bar in axes.patches] == pytest.approx(risk.edges[:-1])
     assert [bar.get_width() for bar in axes.patches] == pytest.approx(np.diff(risk.edges))
     assert axes.get_xlim() == pytest.approx((risk.edges[0], risk.edges[-1]))
-    (other,) = (one for one in axes.figure.axes if one is not axes)
+    (other,) = (panel for panel in axes.figure.axes if panel is not axes)
     line, points = other.lines
     assert line.get_ydata() == pytest.approx(HAZARD(line.get_xdata()))
     inside = (HAZARD.intensity >= risk.edges[0]) & (HAZARD.intensity <= risk.edges[-1])
@@ -112,10 +112,10 @@ def text_of(*noises, scaled=False):
 def test_the_noise_that_is_named_is_that_of_the_first_motion():
     strong, weak = (BandNoise(variance, (0.0, 9.0), 20) for variance in (0.04, 0.01))
     rms = SIZE.gravity * SIZE.critical_angle / 9.80665
-    one, two, quiet = text_of(weak, scaled=True), text_of(strong, weak), text_of(NoNoise())
-    assert one.startswith("1 motion, each scaled")
-    assert f"rms {0.1 * rms:.3g} g" in one
-    assert "it is scaled with the motion. 1,200 paths of each motion at each intensity. Seed 7." in one
+    single, two, quiet = text_of(weak, scaled=True), text_of(strong, weak), text_of(NoNoise())
+    assert single.startswith("1 motion, each scaled")
+    assert f"rms {0.1 * rms:.3g} g" in single
+    assert "it is scaled with the motion. 1,200 paths of each motion at each intensity. Seed 7." in single
     assert two.startswith("2 motions, each scaled")
     assert f"rms {0.2 * rms:.3g} g" in two
     assert "it is not scaled with the motion" in two
@@ -126,12 +126,12 @@ def test_the_noise_that_is_named_is_that_of_the_first_motion():
 def test_the_sketch_has_the_proportions_and_the_figures_of_the_block(size):
     drawn = report._sketch(Dimensions(*size))
     x, y, w, h = map(float, re.search(r"<rect x='(.*?)' y='(.*?)' width='(.*?)' height='(.*?)'", drawn).groups())
-    assert (w, h) == pytest.approx([150.0 * one / max(size) for one in size], abs=0.06)
+    assert (w, h) == pytest.approx([150.0 * length / max(size) for length in size], abs=0.06)
     line = re.search(r"<line x1='(.*?)' y1='(.*?)' x2='(.*?)' y2='(.*?)'", drawn.partition("stroke-width='3'/>")[2])
-    corner, centre = [float(one) for one in line.groups()[:2]], [float(one) for one in line.groups()[2:]]
+    corner, centre = [float(text) for text in line.groups()[:2]], [float(text) for text in line.groups()[2:]]
     assert corner == pytest.approx([x + w, y + h], abs=0.11)
     assert centre == pytest.approx([x + 0.5 * w, y + 0.5 * h], abs=0.11)
-    width, height = (float(one) for one in re.search(r"<svg width='(\d+)' height='(\d+)'", drawn).groups())
+    width, height = (float(text) for text in re.search(r"<svg width='(\d+)' height='(\d+)'", drawn).groups())
     assert x + w < width
     assert y + h + 20.0 < height
     for figure in (f"{size[0]:.3g} m", f"{size[1]:.3g} m", f"α = {Dimensions(*size).critical_angle * 57.29578:.3g}°"):

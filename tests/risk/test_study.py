@@ -42,12 +42,12 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     assert names >= {"result.npz", "risk.json", "risk.txt", "curve.csv", "rack.xml", "risk.png", "report.html"}
     values = json.loads((tmp_path / "out" / "risk.json").read_text())
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), scene.noise)) for n in range(6)]
-    found = fragility(scenes, scale=np.geomspace(0.2, 3.0, 7), realizations=200)
-    places = np.searchsorted(values["fragility"]["scale"], found.scale * (1.0 - 1e-9))
-    assert np.array(values["fragility"]["overturned"])[:, places].tolist() == found.overturned.tolist()
+    curves = fragility(scenes, scale=np.geomspace(0.2, 3.0, 7), realizations=200)
+    places = np.searchsorted(values["fragility"]["scale"], curves.scale * (1.0 - 1e-9))
+    assert np.array(values["fragility"]["overturned"])[:, places].tolist() == curves.overturned.tolist()
     assert len(values["fragility"]["scale"]) == 7 + values["added_intensities"]
-    found = Fragility.load(tmp_path / "out" / "result.npz")
-    risk = annual_frequency(IntensityCurve.of(found, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
+    curves = Fragility.load(tmp_path / "out" / "result.npz")
+    risk = annual_frequency(IntensityCurve.of(curves, "PGV"), Hazard([0.1, 1.0, 10.0], [1e-1, 1e-3, 1e-6]))
     assert values["risk"]["rate"] == pytest.approx(risk.rate, rel=1e-12)
     page = (tmp_path / "out" / "report.html").read_text()
     for said in (
@@ -83,7 +83,7 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     rows = zip(*(values["curve"][name] for name in ("low", "high", "probability")), strict=True)
     for low, high, share in rows:
         assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
-    assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == found.overturned.tolist()
+    assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == curves.overturned.tolist()
     assert cli.main([*arguments, "--measure", "PGD"]) == 2
     assert "measure: got 'PGD', accepted: 'PGA', 'PGV'" in capsys.readouterr().err
 
@@ -104,7 +104,7 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     # The rate is by the points; that of the lognormal fit is near.
     by_fit = 1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2)
     assert values["risk"]["rate"] == pytest.approx(by_fit, rel=0.1)
-    assert {one["measure"] for one in values["ranking"]} == {"PGA, g", "PGV, m/s", "p PGV / (g tan θ_cr)"}
+    assert {ranking["measure"] for ranking in values["ranking"]} == {"PGA, g", "PGV, m/s", "p PGV / (g tan θ_cr)"}
     arguments[3] = "1e-3:-1"
     assert cli.main(arguments) == 2
     assert "--hazard: got '1e-3:-1', accepted: a file, or K0:K (exponent: got -1.0" in capsys.readouterr().err
@@ -122,8 +122,8 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     values = json.loads(capsys.readouterr().out)
     changed = scene.varied(block={"restitution": 0.8})
     options = {"measure": "PGA", "scale_noise": False, "realizations": 20, "seed": 7}
-    found = study(changed, synthetic_records(5, seed=7), Hazard.power_law(1e-3, 2.0), (0.4, 0.8, 1.6), **options)
-    assert values["fragility"]["overturned"] == found.fragility.overturned.tolist()
+    result = study(changed, synthetic_records(5, seed=7), Hazard.power_law(1e-3, 2.0), (0.4, 0.8, 1.6), **options)
+    assert values["fragility"]["overturned"] == result.fragility.overturned.tolist()
     assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
     assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
     assert values["trust"]["verdict"] in {"caution", "do not use"}
@@ -131,7 +131,7 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
         changed, [record(1), *map(record, range(1, 5))], Hazard.power_law(1e-3, 2.0), (0.4, 1.6), realizations=5
     )
     assert "1 of 5 motions are the same as another one." in twice.trust.reasons
-    assert not any("are the same" in reason for reason in found.trust.reasons)
+    assert not any("are the same" in reason for reason in result.trust.reasons)
     for text in ("block.restitution", "=0.8", " =0.8"):
         assert cli.main([*arguments, "--set", text]) == 2
         assert f"--set: got {text!r}, accepted: KEY=VALUE" in capsys.readouterr().err
@@ -145,13 +145,13 @@ def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tm
     assert "forcing" not in kept
     missing = kept + '\n[forcing]\nkind = "record"\nfile = "x"\n'
     words = ["--hazard", "1e-3:2", "--intensities", "0.4,0.8", "--realizations", "20", "--synthetic", "5"]
-    found = []
-    for number, one in enumerate((text, kept, missing)):
+    outcomes = []
+    for number, content in enumerate((text, kept, missing)):
         file = tmp_path / f"rack{number}.toml"
-        file.write_text(one)
+        file.write_text(content)
         assert cli.main(["risk", str(file), *words, "--json"]) == 0
-        found.append(json.loads(capsys.readouterr().out)["fragility"]["overturned"])
-    assert found[0] == found[1] == found[2]
+        outcomes.append(json.loads(capsys.readouterr().out)["fragility"]["overturned"])
+    assert outcomes[0] == outcomes[1] == outcomes[2]
     arguments = ["risk", str(file), *words, "--store", str(tmp_path / "points"), "--out", str(tmp_path / "out")]
     computed, task = [], TASKS["mc"]
 
@@ -172,7 +172,7 @@ def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tm
     assert len(computed) == 4 + 7 + added
     assert cli.main(arguments) == 0
     assert len(computed) == 4 + 7 + added
-    assert json.loads((tmp_path / "out" / "risk.json").read_text())["fragility"]["overturned"] == found[0]
+    assert json.loads((tmp_path / "out" / "risk.json").read_text())["fragility"]["overturned"] == outcomes[0]
 
 
 def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, capsys):
@@ -186,20 +186,20 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
     words = ["fragility", str(tmp_path / "rack.toml"), "--records", *files, "--units", "m/s2", "--scales", "0.5,1,2"]
     assert cli.main([*words, "--realizations", "50", "--out", str(tmp_path / "out")]) == 0
     out = capsys.readouterr().out
-    found = Fragility.load(tmp_path / "out" / "result.npz")
-    assert found.overturned[0].tolist() != found.overturned[1].tolist()
-    frame = found.table()
+    curves = Fragility.load(tmp_path / "out" / "result.npz")
+    assert curves.overturned[0].tolist() != curves.overturned[1].tolist()
+    frame = curves.table()
     assert frame["scene"].tolist() == [name for name in names for _ in range(3)]
     header, *rows = (tmp_path / "out" / "fragility.csv").read_text().splitlines()
     at = header.split(",").index("probability")
     assert [(row.split(",")[0], float(row.split(",")[at])) for row in rows] == [
-        (name, share) for name, shares in zip(names, found.overturned.tolist(), strict=True) for share in shares
+        (name, share) for name, shares in zip(names, curves.overturned.tolist(), strict=True) for share in shares
     ]
     for name in names:
         assert f"{name}: at scale 1 PGA " in out
     # What is looked at is the curve over both; 3 rows in the terminal and in the report.
     values = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert values["pooled"]["probability"] == pytest.approx(found.overturned.mean(axis=0))
+    assert values["pooled"]["probability"] == pytest.approx(curves.overturned.mean(axis=0))
     for share in values["pooled"]["probability"]:
         assert f"{share:.4g}" in out
     words[words.index("--scales")] = "--pgv"
@@ -224,8 +224,8 @@ def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):
         more = ["--synthetic", "5", "--baseline", "high-pass", "--corner-hz", corner]
         assert cli.main([*arguments, *more]) == 0
         tables[corner] = json.loads(capsys.readouterr().out)["motions"]["pgv_m_per_s"]
-    own = [dataclasses.replace(one, baseline="high-pass", corner_hz=2.0) for one in synthetic_records(5)]
-    assert tables["2"] == pytest.approx([intensities(Scene(Block(0.9, SIZE), one, NoNoise())).pgv for one in own])
+    own = [dataclasses.replace(record, baseline="high-pass", corner_hz=2.0) for record in synthetic_records(5)]
+    assert tables["2"] == pytest.approx([intensities(Scene(Block(0.9, SIZE), record, NoNoise())).pgv for record in own])
     assert tables["2"] != tables["0.1"]
     for more, said in (
         (["--corner-hz", "2"], "corner_hz: got 2.0, accepted: nothing without the baseline 'high-pass'"),
@@ -293,21 +293,21 @@ def stepped(count):
 
 
 def test_without_noise_the_rate_is_that_of_the_share_of_motions_that_overturn():
-    found = stepped(5)
-    jumps, hazard = found.fragility.motions.jumps[:, 0], found.risk.hazard
+    result = stepped(5)
+    jumps, hazard = result.fragility.motions.jumps[:, 0], result.risk.hazard
     # The share over the hazard on a grid of its own; beyond the search what stands or overturns goes on.
     grid = np.geomspace(0.05, 3e3, 400_001)
     share = ((jumps[:, None, :] <= np.sqrt(grid[1:] * grid[:-1])[:, None]).sum(axis=-1) % 2).mean(axis=0)
     parts = share * -np.diff(hazard(grid))
-    assert found.risk.rate == pytest.approx(parts.sum(), rel=1e-4)
-    inside = (found.risk.edges[:-1, None] <= grid[:-1]) & (grid[:-1] < found.risk.edges[1:, None])
-    assert found.risk.contribution == pytest.approx((inside * parts).sum(axis=1) / parts.sum(), abs=1e-4)
-    assert found.risk.contribution.sum() == pytest.approx(0.999, abs=1e-6)
+    assert result.risk.rate == pytest.approx(parts.sum(), rel=1e-4)
+    inside = (result.risk.edges[:-1, None] <= grid[:-1]) & (grid[:-1] < result.risk.edges[1:, None])
+    assert result.risk.contribution == pytest.approx((inside * parts).sum(axis=1) / parts.sum(), abs=1e-4)
+    assert result.risk.contribution.sum() == pytest.approx(0.999, abs=1e-6)
     beyond = parts[grid[:-1] >= 3.0].sum() / parts.sum()
-    assert found.risk.beyond_curve == pytest.approx(beyond, abs=1e-4)
-    assert found.risk.beyond_hazard == pytest.approx(beyond + parts[grid[:-1] < 0.2].sum() / parts.sum(), abs=1e-4)
-    assert found.risk.interval[0] < found.risk.rate < found.risk.interval[1]
-    assert "By all intensities at which each motion overturns" in found.text()
+    assert result.risk.beyond_curve == pytest.approx(beyond, abs=1e-4)
+    assert result.risk.beyond_hazard == pytest.approx(beyond + parts[grid[:-1] < 0.2].sum() / parts.sum(), abs=1e-4)
+    assert result.risk.interval[0] < result.risk.rate < result.risk.interval[1]
+    assert "By all intensities at which each motion overturns" in result.text()
 
 
 def test_without_noise_the_rate_does_not_depend_on_the_number_of_intensities():
@@ -315,11 +315,11 @@ def test_without_noise_the_rate_does_not_depend_on_the_number_of_intensities():
 
 
 def test_without_noise_each_motion_is_told_by_name(tmp_path):
-    found = stepped(5)
+    result = stepped(5)
     motions = synthetic_records(6, duration=5.0, rms=1.5)
-    found.write(tmp_path)
+    result.write(tmp_path)
     rows = list(csv.DictReader((tmp_path / "motions.csv").open(encoding="utf-8")))
-    lines = found.text().splitlines()[-6:]
+    lines = result.text().splitlines()[-6:]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     for motion, row, line in zip(motions, rows, lines, strict=True):
         scene = Scene.from_block(0.5, 1.8, record=motion)

@@ -27,7 +27,7 @@ HIGHEST = 8.0
 
 
 @pytest.fixture(scope="module")
-def found():
+def suite():
     return critical_intensities(BLOCK, MOTIONS, measure="scale", highest=HIGHEST)
 
 
@@ -35,17 +35,17 @@ def outcome(scene, scale):
     return simulate(scaled(scene, scale)).overturn_side[0] != 0
 
 
-def test_outcomes_are_those_of_single_paths(found):
+def test_outcomes_are_those_of_single_paths(suite):
     scales = np.exp(np.random.default_rng(3).uniform(math.log(0.8), math.log(HIGHEST), 40))
-    got = found.overturned(scales)
-    wanted = np.array([[outcome(scene, scale) for scale in scales] for scene in found.scenes])
+    got = suite.overturned(scales)
+    wanted = np.array([[outcome(scene, scale) for scale in scales] for scene in suite.scenes])
     assert 0.3 < wanted.mean() < 0.7
     # An interval narrower than the scan is met by chance: about one point in a hundred lies in one that is missed.
     assert np.count_nonzero(got != wanted) <= 3
 
 
-def test_each_jump_is_where_the_outcome_changes(found):
-    for scene, row in zip(found.scenes, found.jumps, strict=True):
+def test_each_jump_is_where_the_outcome_changes(suite):
+    for scene, row in zip(suite.scenes, suite.jumps, strict=True):
         scales = row[np.isfinite(row)]
         assert scales.size % 2 == 1
         assert (np.diff(scales) > 0.0).all()
@@ -55,31 +55,31 @@ def test_each_jump_is_where_the_outcome_changes(found):
             assert (before, after) == (number % 2 == 1, number % 2 == 0)
 
 
-def test_there_are_several_intervals(found):
-    assert np.isfinite(found.jumps).sum(axis=1).max() >= 5
+def test_there_are_several_intervals(suite):
+    assert np.isfinite(suite.jumps).sum(axis=1).max() >= 5
 
 
-def test_at_its_own_scale_it_is_one_path(found):
-    for number, scene in enumerate(found.scenes):
+def test_at_its_own_scale_it_is_one_path(suite):
+    for number, scene in enumerate(suite.scenes):
         path = simulate(scene)
-        assert found.overturn_side[number] == path.overturn_side[0]
-        assert found.overturn_time[number] == pytest.approx(path.overturn_time[0], abs=1e-11, nan_ok=True)
-    assert (found.overturn_side == 0).any()
+        assert suite.overturn_side[number] == path.overturn_side[0]
+        assert suite.overturn_time[number] == pytest.approx(path.overturn_time[0], abs=1e-11, nan_ok=True)
+    assert (suite.overturn_side == 0).any()
 
 
 @pytest.mark.parametrize("measure", ["PGA", "PGV"])
-def test_intensities_are_scales_times_the_motions_own(found, measure):
+def test_intensities_are_scales_times_the_motions_own(suite, measure):
     field, unit = ("pga", 9.80665) if measure == "PGA" else ("pgv", 1.0)
-    own = np.array([getattr(intensities(scene), field) / unit for scene in found.scenes])
+    own = np.array([getattr(intensities(scene), field) / unit for scene in suite.scenes])
     other = critical_intensities(BLOCK, MOTIONS, measure=measure, highest=HIGHEST * own.max())
     assert other.own == pytest.approx(own, rel=1e-12)
     # What the last cell of the scan holds depends on where it ends.
-    below = found.jumps < HIGHEST * math.exp(-0.04)
-    for number, row in enumerate(found.jumps):
+    below = suite.jumps < HIGHEST * math.exp(-0.04)
+    for number, row in enumerate(suite.jumps):
         kept = row[below[number]]
         assert other.jumps[number, : kept.size] == pytest.approx(kept * own[number], rel=1e-9)
-    assert other.factor == pytest.approx(found.factor, rel=1e-9)
-    assert not np.array_equal(other.critical, found.critical)
+    assert other.factor == pytest.approx(suite.factor, rel=1e-9)
+    assert not np.array_equal(other.critical, suite.critical)
 
 
 def test_the_first_interval_that_is_wide_enough_counts():
@@ -125,23 +125,23 @@ def test_a_large_factor_is_a_caution():
     assert "up to 7.3 times" in caution.message
 
 
-def test_files_hold_it(found, tmp_path):
-    found.save(tmp_path / "found.npz")
-    again = CriticalIntensities.load(tmp_path / "found.npz")
-    assert np.array_equal(again.jumps, found.jumps, equal_nan=True)
-    again.to_csv(tmp_path / "found.csv")
-    rows = list(csv.DictReader((tmp_path / "found.csv").open(encoding="utf-8")))
+def test_files_hold_it(suite, tmp_path):
+    suite.save(tmp_path / "suite.npz")
+    again = CriticalIntensities.load(tmp_path / "suite.npz")
+    assert np.array_equal(again.jumps, suite.jumps, equal_nan=True)
+    again.to_csv(tmp_path / "suite.csv")
+    rows = list(csv.DictReader((tmp_path / "suite.csv").open(encoding="utf-8")))
     assert [row["motion"] for row in rows] == [motion.source for motion in MOTIONS]
-    assert [float(row["critical_scale"]) for row in rows] == found.critical.tolist()
-    assert found.summary()["jumps"][1] == found.jumps[1][np.isfinite(found.jumps[1])].tolist()
+    assert [float(row["critical_scale"]) for row in rows] == suite.critical.tolist()
+    assert suite.summary()["jumps"][1] == suite.jumps[1][np.isfinite(suite.jumps[1])].tolist()
 
 
-def test_workers_and_stores_change_nothing(found, tmp_path):
+def test_workers_and_stores_change_nothing(suite, tmp_path):
     wanted = {"measure": "scale", "highest": HIGHEST, "store": tmp_path / "rows.jsonl"}
     critical_intensities(BLOCK, MOTIONS[:1], **wanted)
     again = critical_intensities(BLOCK, MOTIONS, workers=2, **wanted)
-    assert np.array_equal(again.jumps, found.jumps, equal_nan=True)
-    assert np.array_equal(again.peak, found.peak)
+    assert np.array_equal(again.jumps, suite.jumps, equal_nan=True)
+    assert np.array_equal(again.peak, suite.peak)
 
 
 @pytest.mark.parametrize(
@@ -164,17 +164,17 @@ def test_noise_is_refused():
         critical_intensities(noisy, MOTIONS[:1], highest=1.0)
 
 
-def test_fragility_without_noise_is_by_the_jumps_and_not_by_the_number_of_scales(found, tmp_path):
-    scenes = list(found.scenes)
+def test_fragility_without_noise_is_by_the_jumps_and_not_by_the_number_of_scales(suite, tmp_path):
+    scenes = list(suite.scenes)
     few, many = (fragility(scenes, scale=np.geomspace(1.0, HIGHEST, count), levels=[0.5]) for count in (3, 20))
     for curves in (few, many):
-        assert np.array_equal(curves.motions.jumps[:, 0, : found.jumps.shape[1]], found.jumps, equal_nan=True)
-        assert np.array_equal(curves.overturned, found.overturned(np.minimum(curves.scale, HIGHEST)))
-        assert curves.motions.critical.tolist() == found.critical.tolist()
+        assert np.array_equal(curves.motions.jumps[:, 0, : suite.jumps.shape[1]], suite.jumps, equal_nan=True)
+        assert np.array_equal(curves.overturned, suite.overturned(np.minimum(curves.scale, HIGHEST)))
+        assert curves.motions.critical.tolist() == suite.critical.tolist()
     # A block that overturns has passed each level before.
     assert (many.reached[:, 0] >= many.overturned).all()
     assert (many.reached[:, 0] > many.overturned).any()
     many.save(tmp_path / "curves.npz")
     again = Fragility.load(tmp_path / "curves.npz")
     assert np.array_equal(again.motions.jumps, many.motions.jumps, equal_nan=True)
-    assert again.motions.peak.tolist() == found.peak.tolist()
+    assert again.motions.peak.tolist() == suite.peak.tolist()

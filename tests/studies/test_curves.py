@@ -65,9 +65,9 @@ def test_intervals_are_those_of_a_binomial(curve):
 def test_scenes_and_levels_share_random_numbers_as_told(main_scene):
     """Levels and values of a parameter share them; scenes given one by one, and scales, do not."""
     options = {"scale": (1.0, 1.0 + 1e-12), "cycles": 4, "realizations": 3000}
-    one, other = fragility([main_scene, main_scene], **options).overturned
-    assert np.all(one != other)
-    assert one[0] != one[1]
+    first, other = fragility([main_scene, main_scene], **options).overturned
+    assert np.all(first != other)
+    assert first[0] != first[1]
     twice = fragility(main_scene, over={"noise.harmonics": (100, 100)}, **options).overturned
     assert np.array_equal(twice[0], twice[1])
     assert twice[0, 0] != twice[0, 1]
@@ -104,10 +104,10 @@ def test_motions_that_end_and_their_mean():
     curves = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12))
     assert curves.realizations == 1
     assert set(np.unique(curves.overturned)) == {0.0, 1.0}
-    for one, outcomes in zip(curves.fits, curves.overturned, strict=True):
+    for fits, outcomes in zip(curves.fits, curves.overturned, strict=True):
         first = curves.scale[outcomes.argmax()]
         text = f"deterministic: happens at {outcomes.sum():.0f} of 12 scales, first at {first:.4g}"
-        assert one[0].reason.startswith(text)
+        assert fits[0].reason.startswith(text)
     again = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12), times=[50.0])
     assert np.array_equal(again.overturned, curves.overturned)
     with pytest.raises(ValueError, match="cycles: got 3, accepted: nothing, as a"):
@@ -170,7 +170,7 @@ def test_the_mean_of_motions_is_a_curve_for_others_of_their_kind(outcomes):
 def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     """Remarks on two noises begin alike, and two doubts of one kind do not."""
     noise = {"variance": 0.02, "remark": "Measured: here."}, {"variance": 0.02, "remark": "Measured: there."}
-    scenes = [BLOCK.varied(noise=one) for one in noise]
+    scenes = [BLOCK.varied(noise=kind) for kind in noise]
     curves = fragility(scenes, scale=(1.0, 2.0), cycles=1, realizations=20)
     assert curves.remarks[:2] == ("Measured: here.", "Measured: there.")
 
@@ -232,8 +232,10 @@ def test_saved_and_loaded(tmp_path, curve):
     curve.save(tmp_path / "curve.npz")
     loaded = Fragility.load(tmp_path / "curve.npz")
     for field in dataclasses.fields(Fragility):
-        one, other = getattr(curve, field.name), getattr(loaded, field.name)
-        assert np.array_equal(one, other, equal_nan=True) if isinstance(one, np.ndarray) else one == other, field.name
+        before, after = getattr(curve, field.name), getattr(loaded, field.name)
+        assert np.array_equal(before, after, equal_nan=True) if isinstance(before, np.ndarray) else before == after, (
+            field.name
+        )
     with pytest.raises(ValueError, match="read-only"):
         loaded.probability[0] = 1.0
     with pytest.raises(ValueError, match="got a result of kind 'fragility', accepted: 'ensemble'"):
@@ -345,7 +347,7 @@ def test_bad_input_is_refused_by_name(main_scene, changed, error, text):
 
 def run(*arguments):
     """Exit status of a command."""
-    return cli.main([str(one) for one in arguments])
+    return cli.main([str(argument) for argument in arguments])
 
 
 @pytest.fixture

@@ -33,8 +33,8 @@ def test_draws_are_stratified_and_set_in_their_order():
         assert scene.block.restitution == pytest.approx(part * size.restitution, rel=1e-12)
     assert drawn(SCENE, uncertain, 5, seed=9) == drawn(SCENE, uncertain, 5, seed=9)
     assert drawn(SCENE, uncertain, 5, seed=9).values != drawn(SCENE, uncertain, 5, seed=8).values
-    one = drawn(SCENE, {"width": stats.uniform(0.5, 0.3)}, 1)
-    assert one.scenes[0].block.dimensions.width == one.values["width"][0] != 0.6
+    draw = drawn(SCENE, {"width": stats.uniform(0.5, 0.3)}, 1)
+    assert draw.scenes[0].block.dimensions.width == draw.values["width"][0] != 0.6
 
 
 @pytest.mark.parametrize(
@@ -188,14 +188,17 @@ def test_the_measure_that_outcomes_follow_comes_first():
         scenes.append(Scene(Block(0.9, SIZE), Record(0.01, samples, "m/s2"), BandNoise(0.01, (0.0, 9.0), 9)))
     strengths = [intensities(scene) for scene in scenes]
     for field, first in (("pgv", "PGV, m/s"), ("pga", "PGA, g")):
-        values = np.array([getattr(one, field) for one in strengths])[:, None] * SCALES
+        values = np.array([getattr(strength, field) for strength in strengths])[:, None] * SCALES
         shares = stats.norm.cdf(np.log(values / np.median(values)) / 0.3)[:, None]
         curves = Fragility(
             tuple(scenes), "scene", np.arange(8.0), np.empty(0), SCALES, shares, np.full(shares.shape, np.nan),
             "exact", 1000, True, {}, "", {}, 0.0,
         )  # fmt: skip
         rankings = ranked(curves)
-        assert {one.measure for one in rankings} == {"PGA, g", "PGV, m/s"}  # p PGV/(g tan θ_cr) is PGV for one block
+        assert {ranking.measure for ranking in rankings} == {
+            "PGA, g",
+            "PGV, m/s",
+        }  # p PGV/(g tan θ_cr) is PGV for one block
         assert rankings[0].deviance == pytest.approx(0.0, abs=1e-6)
         if field == "pga":
             assert rankings[0].measure == first

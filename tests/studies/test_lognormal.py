@@ -91,7 +91,7 @@ def test_the_p_value_is_the_share_of_sets_of_counts_from_the_fitted_curve_that_l
     for seed in range(3):
         fit = fit_lognormal(scale, drawn(special.ndtr(np.log(scale / MEDIAN) / DISPERSION), 2000, seed), 2000)
         sets = (fit_lognormal(scale, drawn(fit(scale), 2000, 100 + number), 2000) for number in range(999))
-        share = np.mean([one.deviance >= fit.deviance for one in sets])
+        share = np.mean([drawn.deviance >= fit.deviance for drawn in sets])
         assert fit.p_value == pytest.approx(share, abs=4.5 * 0.5 / np.sqrt(999))
     assert fit_lognormal([1.0, 2.0], [0.2, 0.7], 100).p_value == 1.0
 

@@ -68,42 +68,47 @@ def read(path: pathlib.Path) -> FileRecord:
     """
     data = _data(path)
     try:
-        if b"\0" in data:
-            raise ValueError(f"got binary data, accepted: a text file, or what ObsPy reads{_OBSPY}")
-        text = data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
-        kind = _peer if path.suffix.lower() == ".at2" else _esm if text.startswith("EVENT_NAME:") else _columns
-        return kind(text)
+        try:
+            if b"\0" in data:
+                raise ValueError(f"got binary data, accepted: a text file, or what ObsPy reads{_OBSPY}")
+            text = data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
+            kind = _peer if path.suffix.lower() == ".at2" else _esm if text.startswith("EVENT_NAME:") else _columns
+            return kind(text)
+        except ValueError:
+            traces = _traces(path)
+            if traces is None:
+                raise
+            return _trace(traces)
     except ValueError as error:
-        record = _obspy(path)
-        if record is not None:
-            return record
         raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
 
 
 _OBSPY = ' (pip install "fpk-rocking[obspy]")'
 
 
-def _obspy(path):
-    """Read a `FileRecord` from a path by ObsPy, in the unit of its numbers, which is not said; None where it cannot.
-
-    It cannot either where ObsPy is missing.
-    """
+def _traces(path):
+    """Read the list of traces in the file at a path by ObsPy; None where it cannot, or is missing."""
     try:
         import obspy
     except ImportError:
         return None
     try:
-        traces = obspy.read(str(path))
+        return list(obspy.read(str(path)))
     except Exception:  # noqa: BLE001  (its readers raise whatever they meet)
         return None
+
+
+def _trace(traces):
+    """Return the only one of ObsPy's traces as a `FileRecord`, in the unit of its numbers, which is not said."""
     if len(traces) != 1:
-        raise ValueError(f"forcing.file: {str(path)!r}: got {len(traces)} traces, accepted: one, without gaps")
+        raise ValueError(f"got {len(traces)} traces, accepted: one horizontal component without gaps")
     (trace,) = traces
+    _refuse_vertical("channel", trace.stats.channel[-1:])
     _check_count(len(trace.data))
     # What calib makes of counts is the unit of the instrument; it is 1 where the format has none.
     samples = np.asarray(trace.data, dtype=float) * trace.stats.calib
     if np.ma.is_masked(trace.data) or not np.isfinite(samples).all():
-        raise ValueError(f"forcing.file: {str(path)!r}: got samples that are missing or not finite")
+        raise ValueError("got samples that are missing or not finite")
     return FileRecord(float(trace.stats.delta), samples, "")
 
 
@@ -142,6 +147,7 @@ def _peer(text):
     lines = text.splitlines()
     if len(lines) < 5:
         raise ValueError(f"got {len(lines)} lines, accepted: four of header and the samples")
+    _refuse_vertical("second line", re.split(r"[\s,:-]+", lines[1].strip())[-1])
     stated = re.search(r"units\s+of\s+([^\s,;]+)", lines[2], re.IGNORECASE)
     units = unit_of(stated[1]) if stated else None
     if units is None:
@@ -160,6 +166,18 @@ def _peer(text):
         _numbers(words[:-1])
         raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
     return FileRecord(float(interval), _numbers(words), units, _printable(lines[1]))
+
+
+def _refuse_vertical(where, component):
+    """Raise ValueError for a `component`, a text in a header, that is the vertical one; `where` says the place of it.
+
+    Archives hand out three components of each motion, and no plot of one tells which it is.
+    """
+    if component.upper() in {"UP", "DN", "DOWN", "DWN", "V", "VER", "VERT", "VERTICAL", "UD", "Z"}:
+        raise ValueError(
+            f"got the vertical component ({where} ends with {component!r}), accepted: a horizontal one, as the base "
+            "moves horizontally"
+        )
 
 
 def _printable(text):
@@ -193,6 +211,7 @@ def _esm(text):
         raise ValueError(f"got UNITS: {header['UNITS']!r}, accepted: an acceleration in {', '.join(UNITS)}")
     if not interval > 0.0:
         raise ValueError(f"got SAMPLING_INTERVAL_S: {header['SAMPLING_INTERVAL_S']}, accepted: a number above 0")
+    _refuse_vertical("line STREAM", header.get("STREAM", "")[-1:])
     words = " ".join(lines[64:]).split()
     if header["NDATA"] != str(len(words)):
         raise ValueError(f"got {len(words)} samples from line 65 on, accepted: the {header['NDATA']} of its line NDATA")
@@ -221,8 +240,8 @@ def _columns(text):
     width = len(names) if places else 2
     number, row = next(((number, row) for number, row in rows if len(row) != width), (0, []))
     if number:
-        accepted = "time in seconds and acceleration, or a first line of names of which one begins with 'time' and one "
-        accepted = f"the {width} that the first line names" if width != 2 else f"{accepted}with 'acc'"
+        accepted = "time in seconds and acceleration of one horizontal component, or a first line of names of which "
+        accepted = f"the {width} that the first line names" if width != 2 else f"{accepted}one is 'time' and one 'acc'"
         raise ValueError(f"got a line of {len(row)} columns, accepted: {accepted} (line {number})")
     units = _unit_in(names[acceleration]) if places else next(filter(None, map(_unit_in, names)), "")
     words = [entry for _, row in rows for entry in (row[time], row[acceleration])]
@@ -284,14 +303,14 @@ def _interval(times, words, lines):
     rounded = _rounded_interval(times, words)
     if rounded:
         return rounded
-    if not (steps > 0.0).all():
-        place = int(np.argmax(~(steps > 0.0)))
+    usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    place = int(np.argmax(np.abs(steps - usual) > 0.02 * usual))
+    # A time that is too late is itself what is wrong, not the next one, which it may be after.
+    if not steps[place] > 0.0:
         raise ValueError(
             f"got the time {times[place + 1]:g} after {times[place]:g}, accepted: ascending times "
             f"(line {lines[place + 1]})"
         )
-    usual = float(np.median(steps))
-    place = int(np.argmax(np.abs(steps - usual) > 0.02 * usual))
     # Where each step is usual, the sum of what they are off is not.
     place, expected = (place, times[place] + usual) if np.ptp(steps) > 0.04 * usual else _latest(times, late)
     raise ValueError(

@@ -226,14 +226,15 @@ class Record(TransientForcing):
         """Sentences on accelerations, velocities and times, before `scale` multiplies, that were hardly meant."""
         drift, lasts = self.drift, self.interval * (len(self.samples) - 1)
         name, sentences = self.source or "the record", []
-        # The strongest recorded accelerations are below 4.5 g, the fastest velocities about 3 m/s.
-        if 5.0 * UNITS["g"] < drift.pga < math.inf and self.units != "cm/s2":
-            # Numbers up to 2 g in m/s² are more likely such than in cm/s², in which they would be .02 g at most.
+        # The strongest horizontal accelerations of the ground are below 3 g, the fastest velocities about 3 m/s.
+        if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units != "cm/s2":
+            # In cm/s² numbers up to 20 would be .02 g at most: they are more likely m/s².
             number = drift.pga / UNITS[self.units]
-            unit = "m/s2" if number <= 2.0 * UNITS["g"] and self.units == "g" else "cm/s2"
+            units = ["m/s2"] * (self.units == "g" and number <= 2.0 * UNITS["g"]) + ["cm/s2"]
+            meant = " or ".join(f"{number * UNITS[unit]:.4g} m/s² ({unit.replace('2', '²')})" for unit in units)
             sentences.append(
                 f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g); was "
-                f"{number * UNITS[unit]:.4g} m/s² meant ({unit.replace('2', '²')})?"
+                f"{meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s²."
             )
         elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
             sentences.append(

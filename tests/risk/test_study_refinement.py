@@ -10,7 +10,7 @@ from suites import SIZE, record
 from fpk_rocking import BandNoise, Block, Scene
 from fpk_rocking.results.trust import CAUTION
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
-from fpk_rocking.risk.refinement import refined
+from fpk_rocking.risk.study import refined
 from fpk_rocking.studies import fragility, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit
 from fpk_rocking.studies.result import Fragility
@@ -100,17 +100,17 @@ def test_with_noise_intensities_are_added_where_the_rate_comes_from():
     dense = np.geomspace(0.1, 3.0, 30)
     paths = few.fragility
     others = [fragility(list(paths.scenes), scale=dense, realizations=60, seed=seed) for seed in (7, 8, 9)]
-    wanted = np.mean([annual_frequency(IntensityCurve.of(one, "PGV"), few.risk.hazard).rate for one in others])
+    wanted = np.mean([annual_frequency(IntensityCurve.of(curves, "PGV"), few.risk.hazard).rate for curves in others])
     coarse = fragility(list(paths.scenes), scale=asked, realizations=60, seed=7)
     assert few.risk.rate == pytest.approx(wanted, rel=0.08)
     assert annual_frequency(IntensityCurve.of(coarse, "PGV"), few.risk.hazard).rate != pytest.approx(wanted, rel=0.1)
 
 
 def test_intensities_asked_for_keep_their_samples():
-    found, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
-    alone = fragility(list(found.fragility.scenes), scale=asked, realizations=60, seed=1)
-    places = np.searchsorted(found.fragility.scale, asked * (1.0 - 1e-9))
-    assert np.array_equal(found.fragility.overturned[:, places], alone.overturned)
+    result, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
+    alone = fragility(list(result.fragility.scenes), scale=asked, realizations=60, seed=1)
+    places = np.searchsorted(result.fragility.scale, asked * (1.0 - 1e-9))
+    assert np.array_equal(result.fragility.overturned[:, places], alone.overturned)
 
 
 def test_a_rate_that_still_moves_is_a_caution():
