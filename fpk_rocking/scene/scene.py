@@ -400,6 +400,17 @@ def _fields(value):
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
+def under_motion(scene: Scene, motion: Forcing) -> Scene:
+    """Return a scene under another forcing.
+
+    Where its band noise has the default number of harmonics for its own forcing, it has that for the motion.
+    """
+    moved, noise = dataclasses.replace(scene, forcing=motion), scene.noise
+    if noise.kind != "band" or scene != _with_harmonics(scene, None, noise.frequencies):
+        return moved
+    return _with_harmonics(moved, None, noise.frequencies)
+
+
 def _with_harmonics(scene, harmonics, frequencies):
     """Return a scene, whose band noise, if its block has a size, has these `harmonics` and `frequencies`.
 
