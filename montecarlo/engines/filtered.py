@@ -52,7 +52,6 @@ from montecarlo.engines.filtered_noise import (
 from montecarlo.engines.random import draw_start, start_parameters
 from montecarlo.tuning import TUNING
 
-
 _USUAL_STEPS = 200
 """Default of `steps_per_cycle`, for which the limits of an interval in `TUNING` hold."""
 
