@@ -86,7 +86,7 @@ def row_of(kind, scene, rows, wanted, truth_s):
         return {"kind": kind, "refused": str(error), "seconds": time.process_time() - begin}
     spent = time.process_time() - begin
     truth, sampling, path_s = _truth(scene, rows, answer, truth_s)
-    hindsight = path_s * max(truth * (1.0 - truth), 1e-12) * (_Z / answer.wanted) ** 2
+    hindsight = path_s * _paths(truth, answer.wanted)
     if scene.noise.kind == "white" and answer.wanted >= 1e-4:
         hindsight = min(hindsight, _density_seconds(scene, rows, answer.wanted))
     if answer.method == "splitting":
@@ -104,6 +104,14 @@ def row_of(kind, scene, rows, wanted, truth_s):
         "seconds": spent,
         "hindsight": hindsight,
     }
+
+
+def _paths(share, wanted):
+    """Number of paths whose 95 % interval (Wilson's) about a share reaches as far as the wanted error."""
+    count = max(share * (1.0 - share) * (_Z / wanted) ** 2, 1.0)
+    while np.abs(wilson_interval(share * count, count) - share).max() > wanted:
+        count *= 1.01
+    return count
 
 
 def _truth(scene, rows, answer, truth_s):

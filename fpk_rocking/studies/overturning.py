@@ -31,7 +31,7 @@ _LONG_S = 5.0
 """Predicted seconds from which on a call says how long it will take."""
 _REPEATS, _STUDENT = 32, 2.0395
 """Repeats of splitting, and the 97.5 % point of Student's distribution of one degree of freedom less."""
-_COARSER, _FEWER = 4, 2
+_COARSER, _FEWER = 4, 4
 """How many times longer the steps are with which the error of an engine's steps is measured, and how many times fewer
 the paths."""
 
@@ -55,8 +55,8 @@ def probability(
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
     as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
-    repetitions or more, whatever the probability (benchmarks/probability.py). Where an engine has time steps, half as
-    many paths are sampled again with steps four times as long, and what these change beyond sampling is added to the
+    repetitions or more, whatever the probability (benchmarks/probability.py). Where an engine has time steps, a quarter
+    as many paths are sampled again with steps four times as long, and what these change beyond sampling is added to the
     error: for any order from 1/2 on the error of the shorter steps is smaller than that.
 
     Parameters
