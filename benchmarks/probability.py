@@ -107,7 +107,7 @@ def row_of(kind, scene, rows, wanted, truth_s):
 
 
 def _paths(share, wanted):
-    """Number of paths whose 95 % interval (Wilson's) about a share reaches as far as the wanted error."""
+    """Return the number of paths whose 95 % interval (Wilson's) about a share reaches as far as the wanted error."""
     count = max(share * (1.0 - share) * (_Z / wanted) ** 2, 1.0)
     while np.abs(wilson_interval(share * count, count) - share).max() > wanted:
         count *= 1.01
