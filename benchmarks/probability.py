@@ -224,14 +224,18 @@ def write_answers(options):
     overturning.time = types.SimpleNamespace(perf_counter=time.process_time)
     with at_most(1):
         results = _answers(options, wanted | {"limit_s": options.limit_s})
+    write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()))
+
+
+def write_rows(results, asked):
+    """Write the section of rows (dicts), as `row_of` returns them; one without seconds was not timed."""
     answered = [row for row in results if "answer" in row]
     inside = sum(row["inside"] for row in answered)
     twice = sum(
         row["verdict"] == "ok" and abs(row["truth"] - row["answer"]) > 2.0 * row["error"] + row["sampling"]
         for row in answered
     )
-    ratios = [row["seconds"] / row["hindsight"] for row in answered if row["hindsight"] > 0.2]
-    asked = ", ".join(f"{name} {value:g}" for name, value in wanted.items())
+    ratios = [row["seconds"] / row["hindsight"] for row in answered if row.get("hindsight", 0.0) > 0.2]
     body = f"""**Result.** The truth was inside answer ± error in {inside} of {len(answered)} scenes ({asked}); "ok" was
 wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused.
 
@@ -250,8 +254,7 @@ scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest
                     f"{row['wanted']:.2g}",
                     row["method"],
                     row["verdict"],
-                    f"{row['seconds']:.2f}",
-                    f"{row['hindsight']:.2f}",
+                    *(f"{row[name]:.2f}" if name in row else "-" for name in ("seconds", "hindsight")),
                 ]
                 for row in answered
             ],
