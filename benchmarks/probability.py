@@ -1,36 +1,42 @@
 """`probability` against ten times the paths: is the truth inside answer ± error, and what does the answer cost.
 
 The scenes are drawn at random, in turn of these kinds: exact blocks under band noise, white noise, filtered noise, a
-pulse with band noise, a record with band noise. The truth is the same engine with other seeds, and at least ten times
-the paths or 4e5 of them. Hindsight is the time that the cheapest single engine takes: paths alone, as many as the true
-probability asks for, at the speed of the reference; under white noise the density too, where its error is small enough.
+pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths,
+or as many as `--truth-s` processor seconds take; of a rare probability of which these see few, splitting. Hindsight is
+the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at the speed of
+the reference; under white noise the density too, where its error is small enough, or splitting.
 
-    python benchmarks/probability.py                              # 60 scenes at 5e-3
+    python benchmarks/probability.py                              # 60 scenes at 5e-3, 30 processor minutes
     python benchmarks/probability.py --tol 5e-4 --scenes 15
     python benchmarks/probability.py --rtol 0.1 --scenes 20 --rare
     python benchmarks/probability.py --coverage                   # of the rule by which paths are added, without blocks
 """
 
 import argparse
+import json
 import math
+import pathlib
 import statistics
 import time
+import types
 import warnings
 
 import numpy as np
 from report import table, write_section
 
 from fpk_rocking import Scene, probability, solve_fpk
+from fpk_rocking.base.jit import at_most
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene import FilteredNoise, Pulse
 from fpk_rocking.studies import overturning, synthetic_records
-from montecarlo import simulate
+from montecarlo import simulate, split
 
 CYCLES = 10
 KINDS = "band", "white", "filtered", "pulse", "record"
 _Z = 1.959964
 _TRUTH_SEED, _ANSWER_SEED = 5001, 1
-_MOST_PATHS = 400_000
+_FEW = 400
+"""Overturned paths of a truth below which splitting takes their place."""
 
 
 def drawn(kind, random):
@@ -62,33 +68,29 @@ def scenes(seed, count, rare):
     while count > 0:
         kind = KINDS[(count - 1) % (2 if rare else len(KINDS))]
         scene, rows = drawn(kind, random)
-        sample = simulate(scene, realizations=1_000_000 if rare else 4000, seed=9, **rows)
-        share = 1.0 - sample.survival[-1]
+        if rare and kind == "white":
+            share = float(split(scene, walkers=100, repeats=20, seed=9, **rows).probability[-1])
+        else:
+            share = 1.0 - simulate(scene, realizations=300_000 if rare else 4000, seed=9, **rows).survival[-1]
         if (1e-6 < share < 1e-2) if rare else (0.002 < share < 0.998):
             count -= 1
             yield kind, scene, rows
 
 
-def row_of(kind, scene, rows, wanted):
+def row_of(kind, scene, rows, wanted, truth_s):
     """Answer a scene, and hold the answer against the truth; return a row as a dict."""
     begin = time.process_time()
     try:
         answer = probability(scene, seed=_ANSWER_SEED, **rows, **wanted)
     except ValueError as error:
-        return {"kind": kind, "refused": str(error)}
+        return {"kind": kind, "refused": str(error), "seconds": time.process_time() - begin}
     spent = time.process_time() - begin
-    share = max(answer.overturned, 1e-12)
-    needed = share * (1.0 - share) * (_Z / answer.wanted) ** 2
-    begin = time.process_time()
-    count = int(min(max(10.0 * needed, 20_000), _MOST_PATHS if wanted.get("tol") else 20 * _MOST_PATHS))
-    sample = simulate(scene, realizations=count, seed=_TRUTH_SEED, **rows)
-    path_s = (time.process_time() - begin) / count
-    truth = 1.0 - float(sample.survival[-1])
-    sampling = _Z * math.sqrt(max(truth * (1.0 - truth), 1.0 / count) / count)
-    hindsight = path_s * max(truth * (1.0 - truth), 1e-12) * (_Z / answer.wanted) ** 2
+    truth, sampling, path_s = _truth(scene, rows, answer, truth_s)
+    hindsight = path_s * _paths(truth, answer.wanted)
     if scene.noise.kind == "white" and answer.wanted >= 1e-4:
         hindsight = min(hindsight, _density_seconds(scene, rows, answer.wanted))
-    inside = abs(truth - answer.overturned) <= math.hypot(answer.error, sampling)
+    if answer.method == "splitting":
+        hindsight = min(hindsight, _splitting_seconds(scene, rows, answer))
     return {
         "kind": kind,
         "truth": truth,
@@ -96,12 +98,46 @@ def row_of(kind, scene, rows, wanted):
         "answer": answer.overturned,
         "error": answer.error,
         "wanted": answer.wanted,
-        "inside": bool(inside),
+        "inside": bool(abs(truth - answer.overturned) <= math.hypot(answer.error, sampling)),
         "verdict": answer.verdict,
         "method": answer.method,
         "seconds": spent,
         "hindsight": hindsight,
     }
+
+
+def _paths(share, wanted):
+    """Return the number of paths whose 95 % interval (Wilson's) about a share reaches as far as the wanted error."""
+    count = max(share * (1.0 - share) * (_Z / wanted) ** 2, 1.0)
+    while np.abs(wilson_interval(share * count, count) - share).max() > wanted:
+        count *= 1.01
+    return count
+
+
+def _truth(scene, rows, answer, truth_s):
+    """Probability by other seeds, half of its 95 % interval, and processor seconds of a path."""
+    simulate(scene, realizations=200, seed=_TRUTH_SEED, **rows)
+    begin = time.process_time()
+    simulate(scene, realizations=2000, seed=_TRUTH_SEED, **rows)
+    path_s = (time.process_time() - begin) / 2000
+    needed = max(answer.overturned * (1.0 - answer.overturned), 1e-12) * (_Z / answer.wanted) ** 2
+    count = int(min(max(10.0 * needed, 20_000), max(truth_s / path_s, 4000)))
+    if count * answer.overturned < _FEW and answer.method == "splitting":
+        rare = split(scene, walkers=1200, repeats=32, seed=_TRUTH_SEED, **rows)
+        return float(rare.probability[-1]), 2.04 * float(rare.standard_error[-1]), path_s
+    begin = time.process_time()
+    sample = simulate(scene, realizations=count, seed=_TRUTH_SEED, **rows)
+    path_s = (time.process_time() - begin) / count
+    truth = 1.0 - float(sample.survival[-1])
+    return truth, _Z * math.sqrt(max(truth * (1.0 - truth), 1.0 / count) / count), path_s
+
+
+def _splitting_seconds(scene, rows, answer):
+    """Processor seconds of splitting alone with the walkers of an answer."""
+    begin = time.process_time()
+    repeats = overturning._REPEATS
+    split(scene, walkers=answer.realizations // repeats, repeats=repeats, seed=_TRUTH_SEED, **rows)
+    return time.process_time() - begin
 
 
 def _density_seconds(scene, rows, wanted):
@@ -162,25 +198,44 @@ probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more
     write_section("Coverage of the stopping rule of probability", body)
 
 
-def write_answers(options):
-    """Draw scenes, answer them, and write the section."""
-    wanted = {name: getattr(options, name) for name in ("tol", "rtol") if getattr(options, name)} or {"tol": 5e-3}
+def _answers(options, wanted):
+    """Draw scenes and answer them; return their rows. Those in the file `options.keep` are not answered again."""
+    kept = pathlib.Path(options.keep) if options.keep else None
+    results = [json.loads(line) for line in kept.read_text().splitlines()] if kept and kept.exists() else []
     for kind in KINDS:  # machine code
         scene, rows = drawn(kind, np.random.default_rng(0))
         probability(scene, tol=0.05, **rows)
     solve_fpk(drawn("white", np.random.default_rng(0))[0], cycles=1, tol=1e-2)
-    results = []
-    for draw in scenes(options.seed, options.scenes, options.rare):
-        results.append(row_of(*draw, wanted))
+    for number, draw in enumerate(scenes(options.seed, options.scenes, options.rare)):
+        if number < len(results):
+            continue
+        results.append(row_of(*draw, wanted, options.truth_s))
         print(results[-1], flush=True)
+        if kept:
+            with kept.open("a") as file:
+                file.write(json.dumps(results[-1]) + "\n")
+    return results
+
+
+def write_answers(options):
+    """Draw scenes, answer them, and write the section."""
+    wanted = {name: getattr(options, name) for name in ("tol", "rtol") if getattr(options, name)} or {"tol": 5e-3}
+    # Processor seconds on one thread: what else the machine does has no influence on the choice of engines.
+    overturning.time = types.SimpleNamespace(perf_counter=time.process_time)
+    with at_most(1):
+        results = _answers(options, wanted | {"limit_s": options.limit_s})
+    write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()))
+
+
+def write_rows(results, asked):
+    """Write the section of rows (dicts), as `row_of` returns them; one without seconds was not timed."""
     answered = [row for row in results if "answer" in row]
     inside = sum(row["inside"] for row in answered)
     twice = sum(
         row["verdict"] == "ok" and abs(row["truth"] - row["answer"]) > 2.0 * row["error"] + row["sampling"]
         for row in answered
     )
-    ratios = [row["seconds"] / row["hindsight"] for row in answered if row["hindsight"] > 0.2]
-    asked = ", ".join(f"{name} {value:g}" for name, value in wanted.items())
+    ratios = [row["seconds"] / row["hindsight"] for row in answered if row.get("hindsight", 0.0) > 0.2]
     body = f"""**Result.** The truth was inside answer ± error in {inside} of {len(answered)} scenes ({asked}); "ok" was
 wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused.
 
@@ -199,8 +254,7 @@ scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest
                     f"{row['wanted']:.2g}",
                     row["method"],
                     row["verdict"],
-                    f"{row['seconds']:.2f}",
-                    f"{row['hindsight']:.2f}",
+                    *(f"{row[name]:.2f}" if name in row else "-" for name in ("seconds", "hindsight")),
                 ]
                 for row in answered
             ],
@@ -218,6 +272,9 @@ def main():
     parser.add_argument("--tol", type=float)
     parser.add_argument("--rtol", type=float)
     parser.add_argument("--rare", action="store_true")
+    parser.add_argument("--limit-s", type=float, default=600.0, help="seconds that an answer may take")
+    parser.add_argument("--truth-s", type=float, default=60.0, help="processor seconds that a truth may take")
+    parser.add_argument("--keep", help="file to which each row is added, and that is gone on with")
     parser.add_argument("--coverage", action="store_true")
     options = parser.parse_args()
     if options.coverage:

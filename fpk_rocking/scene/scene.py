@@ -386,3 +386,14 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
         return Scene.from_toml(text, path.parent, changes)
     except (TypeError, ValueError, OSError) as error:
         raise type(error)(f"{path}: {error}") from None
+
+
+def under_motion(scene: Scene, motion: Forcing) -> Scene:
+    """Return a scene under another forcing.
+
+    Where its band noise has the default number of harmonics for its own forcing, it has that for the motion.
+    """
+    moved, noise = dataclasses.replace(scene, forcing=motion), scene.noise
+    if noise.kind != "band" or scene != with_harmonics(scene, None, noise.frequencies):
+        return moved
+    return with_harmonics(moved, None, noise.frequencies)

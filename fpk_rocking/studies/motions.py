@@ -12,7 +12,7 @@ from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.physics.forcing.files import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
-from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.scene import Scene, under_motion
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.scenes import scaled
 
@@ -197,7 +197,7 @@ def recorded_scenes(
     baseline: str | None = None,
     corner_hz: float | None = None,
 ) -> list[Scene]:
-    """Return a scene under each of several motions.
+    """Return a scene under each of several motions, with the default number of harmonics for each where it has one.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def recorded_scenes(
         ]
         if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
             raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
-    return [dataclasses.replace(scene, forcing=motion) for motion in motions]
+    return [under_motion(scene, motion) for motion in motions]
 
 
 def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:

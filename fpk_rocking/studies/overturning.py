@@ -31,8 +31,9 @@ _LONG_S = 5.0
 """Predicted seconds from which on a call says how long it will take."""
 _REPEATS, _STUDENT = 32, 2.0395
 """Repeats of splitting, and the 97.5 % point of Student's distribution of one degree of freedom less."""
-_COARSER = 4
-"""How many times longer the steps are with which the error of an engine's steps is measured."""
+_COARSER, _FEWER = 4, 4
+"""How many times longer the steps are with which the error of an engine's steps is measured, and how many times fewer
+the paths."""
 
 
 def probability(
@@ -54,9 +55,9 @@ def probability(
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
     as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
-    repetitions or more, whatever the probability (benchmarks/probability.py). Where an engine has time steps, as many
-    paths are sampled again with steps four times as long, and what these change beyond sampling is added to the error:
-    for any order from 1/2 on the error of the shorter steps is smaller than that.
+    repetitions or more, whatever the probability (benchmarks/probability.py). Where an engine has time steps, a quarter
+    as many paths are sampled again with steps four times as long, and what these change beyond sampling is added to the
+    error: for any order from 1/2 on the error of the shorter steps is smaller than that.
 
     Parameters
     ----------
@@ -197,7 +198,7 @@ class _Call:
             self.sample(2 * _PILOT)  # the first paths wait for machine code
             path_s = (time.perf_counter() - begin) / _PILOT
             if self.run.method != "exact":
-                path_s *= 1.0 + 1.0 / _COARSER
+                path_s *= 1.0 + 1.0 / _FEWER
             answer = None
             while not self.reached:
                 needed = self.wanted.paths(self.counts.overturned, self.counts.paths)
@@ -259,9 +260,9 @@ class _Call:
         reason = f"Paths under the noise as it is reach the wanted error soonest ({engine} engine)."
         if engine != "exact" and not interrupted:
             coarse = _Counts(self.run.times)
-            self.sample(counts.paths, coarse, max(8, self.run.steps_per_cycle // _COARSER))
-            change = np.abs(coarse.columns - counts.columns) / counts.paths
-            errors = errors + np.maximum(change - math.sqrt(2.0) * errors, 0.0)
+            self.sample(max(counts.paths // _FEWER, _PILOT), coarse, max(8, self.run.steps_per_cycle // _COARSER))
+            change = np.abs(coarse.columns / coarse.paths - counts.columns / counts.paths)
+            errors = errors + np.maximum(change - math.sqrt(1.0 + _FEWER) * errors, 0.0)
             reason += f" Steps {_COARSER} times as long change the last probability by {change[-1, 0]:.1g}."
         return self.result("paths", reason, counts.sides / counts.paths, errors, counts.paths, interrupted)
 

@@ -134,8 +134,9 @@ class Probability(Saved, RowResult):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Why this method was taken, and what is to be said of the scene."""
-        return (self.reason, *super().remarks)
+        """Why this method was taken, what is to be said of the scene, and that a probability is below its error."""
+        small = "The probability is below its error: `rtol` asks for an error in parts of the probability."
+        return (self.reason, *super().remarks, *[small] * (self.error > self.overturned))
 
     def dataset(self) -> Dataset:
         """Survival and the probabilities of either side by row, each with its error."""

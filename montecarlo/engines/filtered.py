@@ -58,6 +58,9 @@ from montecarlo.engines.filtered_noise import (
 from montecarlo.engines.random import draw_start, start_parameters
 from montecarlo.tuning import TUNING
 
+_USUAL_STEPS = 200
+"""Default of `steps_per_cycle`, for which the limits of an interval in `TUNING` hold."""
+
 
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
@@ -106,7 +109,11 @@ def parameters_of(scene, steps_per_cycle, times=None):
     if longest * TUNING.filtered_intervals < scene.forcing.time_scale:
         most = int(steps_per_cycle * longest * TUNING.filtered_intervals / scene.forcing.time_scale)
         raise ValueError(checks.refusal("steps_per_cycle", steps_per_cycle, f"up to {most} with a filter of this rate"))
-    longest = min(longest, scene.forcing.shortest_period / TUNING.filtered_fewest, TUNING.filtered_longest)
+    # Fewer steps than usual lengthen every interval, so that they tell the error of the steps.
+    coarser = max(1.0, _USUAL_STEPS / steps_per_cycle)
+    longest = min(
+        longest, coarser * scene.forcing.shortest_period / TUNING.filtered_fewest, coarser * TUNING.filtered_longest
+    )
     longest = longest if envelope is None else min(longest, envelope.spacing)
     return parameters_on_grid(scene, time_grid(scene, longest, times))
 

@@ -7,8 +7,8 @@ from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
 from fpk_rocking.risk import at_intensity
-from fpk_rocking.studies import critical_intensities
-from fpk_rocking.studies.motions import intensities, intensity_of
+from fpk_rocking.studies import critical_intensities, synthetic_records
+from fpk_rocking.studies.motions import intensities, intensity_of, recorded_scenes
 
 
 def test_scenes_at_an_intensity_have_it():
@@ -45,3 +45,15 @@ def test_a_scale_is_not_said_to_be_a_multiple_of_the_motion(tmp_path, capsys):
     assert f"a.txt: at scale 1 PGA {own.pga / 9.80665:.3g} g, PGV {own.pgv:.3g} m/s, " in printed["--scales"]
     assert f"critical at scale {critical.factor[0]:.4g}." in printed["--scales"]
     assert "times its own" not in printed["--pga"] + printed["--scales"]
+
+
+def test_band_noise_has_enough_harmonics_for_each_motion_and_not_for_the_placeholder():
+    """20 Hz for 2 to 40 s; a number that the user chose stays."""
+    motions = [synthetic_records(1, duration=duration, seed=3)[0] for duration in (2.0, 4.0, 8.0, 16.0, 40.0)]
+    noise = {"noise_rms_acceleration": 0.3, "noise_band_hz": (0.0, 20.0)}
+    for placeholder in ({"record": motions[-1]}, {"peak_acceleration": "0.3 g", "frequency_hz": "1.5 Hz"}):
+        rack = Scene.from_block(0.5, 1.8, **placeholder, **noise)
+        harmonics = [shaken.noise.harmonics for shaken in recorded_scenes(rack, motions)]
+        assert harmonics == pytest.approx([100, 100, 160, 320, 800], abs=1)
+        chosen = Scene.from_block(0.5, 1.8, **placeholder, **noise, harmonics=150)
+        assert {shaken.noise.harmonics for shaken in recorded_scenes(chosen, motions)} == {150}

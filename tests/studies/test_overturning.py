@@ -47,6 +47,13 @@ def test_relative_error(monkeypatch):
     assert larger.realizations < answer.realizations / 5
 
 
+def test_a_probability_below_its_error_is_said_to_be(monkeypatch):
+    for share, small in ((0.0005, True), (0.02, False)):
+        monkeypatch.setattr(overturning, "simulate_batches", bernoulli_batches(share))
+        answer = probability(MAIN, cycles=1, tol=0.01)
+        assert (answer.error > answer.overturned) == small == any("`rtol`" in text for text in answer.remarks)
+
+
 def test_paths_are_those_of_the_engine():
     answer = probability(MAIN, cycles=3, tol=0.01, seed=5)
     sample = simulate(MAIN, cycles=3, realizations=answer.realizations, seed=5)

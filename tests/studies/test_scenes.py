@@ -37,15 +37,15 @@ SHAKINGS = {
 def numbers(value):
     """All numbers of a scene, in order."""
     if dataclasses.is_dataclass(value):
-        return [one for field in dataclasses.fields(value) for one in numbers(getattr(value, field.name))]
+        return [number for field in dataclasses.fields(value) for number in numbers(getattr(value, field.name))]
     if isinstance(value, tuple):
-        return [one for entry in value for one in numbers(entry)]
+        return [number for entry in value for number in numbers(entry)]
     return [value] if isinstance(value, int | float) else []
 
 
-def same(one, other):
-    assert (one.forcing.kind, one.noise.kind) == (other.forcing.kind, other.noise.kind)
-    assert np.allclose(numbers(one), numbers(other), rtol=1e-13, atol=0.0)
+def same(scene, other):
+    assert (scene.forcing.kind, scene.noise.kind) == (other.forcing.kind, other.noise.kind)
+    assert np.allclose(numbers(scene), numbers(other), rtol=1e-13, atol=0.0)
 
 
 @pytest.mark.parametrize("kind", SHAKINGS)
@@ -89,7 +89,7 @@ def test_what_is_physical_is_kept():
             (xx, xv), (_, vv) = scene.start.covariance
             rows = [scene.start.angle * angle, scene.start.velocity * angle * p, scene.forcing.frequency * p]
             rows += [xx * angle**2, xv * angle**2 * p, vv * (angle * p) ** 2]
-            rows += [unit * one for one in scene.forcing.amplitudes]
+            rows += [unit * amplitude for amplitude in scene.forcing.amplitudes]
             if noise.kind == "white":
                 # The velocity that it gives in a second has the variance 2D p (g θ_cr / p)².
                 rows.append(2.0 * scene.noise.diffusion * p * (unit / p) ** 2)
@@ -107,7 +107,7 @@ def test_envelopes_keep_their_seconds(envelope):
     old = old.varied(noise=dataclasses.replace(old.noise, envelope=envelope))
     new = resized(old, width=0.9)
     seconds = np.linspace(0.0, 3.0, 50)
-    values = [one.noise.envelope.value(one.block.dimensions.tau(seconds)) for one in (old, new)]
+    values = [scene.noise.envelope.value(scene.block.dimensions.tau(seconds)) for scene in (old, new)]
     assert np.allclose(*values, rtol=1e-12, atol=1e-12)
     twice = {"forcing": {"amplitude": 2.0 * old.forcing.amplitude}, "noise": {"variance": 4.0 * old.noise.variance}}
     same(scaled(old, 2.0), old.varied(**twice))

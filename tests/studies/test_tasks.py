@@ -66,7 +66,7 @@ def test_pairs_that_never_differ_have_an_error_and_one_path_has_none(ran):
     scene = SCENE.varied(block=Block(0.9, critical_angle=0.2))
     result = slenderness_cost(scene, cycles=3, realizations=1, seed=4)
     assert (result.difference, result.standard_error) == (0.0, 1.0)
-    assert [one.block.critical_angle for one, _ in ran] == [0.2, 0.0]
+    assert [scene.block.critical_angle for scene, _ in ran] == [0.2, 0.0]
     assert slenderness_cost(scene.varied(noise=NoNoise()), cycles=3, realizations=1).standard_error == 0.0
 
 
