@@ -28,7 +28,8 @@ from fpk_rocking.base.files import write_json
 from fpk_rocking.results.pictures import reliability_panel
 from fpk_rocking.results.style import COLOURS, drawing
 from fpk_rocking.studies.block_outcomes import block_scenes, outcomes_of
-from fpk_rocking.studies.calibration import PRIOR, Calibration, calibrated, drawn_names
+from fpk_rocking.studies.calibration import PRIOR, calibrated
+from fpk_rocking.studies.posterior import Calibration, drawn_names
 
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"
