@@ -9,7 +9,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.threads import map_threads
-from fpk_rocking.base.types import Array, Progress
+from fpk_rocking.base.types import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.scene import NoNoise
@@ -26,6 +26,14 @@ SCATTERED, SHARED = "critical_angle", "frequency_parameter"
 
 LASTS = 10.0
 """Nondimensional time after a motion within which a block that overturns does so."""
+
+
+def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
+    """Return outcomes as an array of bool (count,), or refuse them; `name` is for the message."""
+    out = np.asarray(values)
+    if out.shape != (count,) or not np.isin(out, [0, 1]).all():
+        raise ValueError(checks.refusal(name, values, f"{count} outcomes, True or False, one for each motion"))
+    return out.astype(bool)
 
 
 def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: float) -> Scene:

@@ -11,9 +11,9 @@ import scipy
 from fpk_rocking.base import checks
 from fpk_rocking.base.types import ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_of
+from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 from fpk_rocking.studies.drawing import distribution_of
-from fpk_rocking.studies.posterior import Calibration, drawn_names, outcomes_as_bool, values_at
+from fpk_rocking.studies.posterior import Calibration, drawn_names, values_at
 
 PRIOR = {
     SCATTERED: "lognormal:0.09:0.3",

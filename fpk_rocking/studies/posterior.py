@@ -22,7 +22,6 @@ from typing import Annotated, Any, ClassVar, NamedTuple, Self
 import numpy as np
 import scipy
 
-from fpk_rocking.base import checks
 from fpk_rocking.base.types import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results.pictures import figure_of, reliability_panel
@@ -30,7 +29,7 @@ from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.style import COLOURS
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_of
+from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 from fpk_rocking.studies.drawing import concentrated, distribution_of
 
 LEVELS, FINER = 8, 2
@@ -76,7 +75,7 @@ class Prediction(NamedTuple):
     >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
     >>> prediction = block.predict(synthetic_records(1, duration=4.0, rms=2.5, seed=9))
     >>> print(prediction.probability.round(2), prediction.low.round(2), prediction.high.round(2))
-    [0.88] [0.55] [0.98]
+    [0.88] [0.56] [0.98]
     """
 
     probability: Array
@@ -147,9 +146,8 @@ class Calibration(Saved, Result):
         """
         counted = outcomes_as_bool("tests", tests, len(self.motion))
         if observed is not None:
-            return dataclasses.replace(
-                self, counted=counted, observed=outcomes_as_bool("observed", observed, len(self.motion))
-            )
+            outcomes = outcomes_as_bool("observed", observed, len(self.motion))
+            return dataclasses.replace(self, counted=counted, observed=outcomes)
         part = dataclasses.replace(self, counted=counted)
         vars(part)["_evidence"] = self._evidence
         return part
@@ -161,7 +159,7 @@ class Calibration(Saved, Result):
         return {SCATTERED: medians} | {name: self._middles(name) for name in CELLS}
 
     def _middles(self, name):
-        """Return the nodes of the scatter or of the share of stray outcomes: 0 alone where the prior has none."""
+        """Return the nodes of the scatter or of the share of stray outcomes: 0 where the prior has none."""
         if name not in self.prior:
             return np.zeros(1)
         return np.asarray(distribution_of(name, self.prior[name]).ppf((np.arange(CELLS[name]) + 0.5) / CELLS[name]))
@@ -268,9 +266,7 @@ class Calibration(Saved, Result):
         rows = []
         for overturned in shares:
             p = self._with_stray(overturned @ self._shares.T).ravel()[keep]
-            order = np.argsort(p)
-            ends = np.interp([0.025, 0.975], np.cumsum(used[order]) - 0.5 * used[order], p[order])
-            rows.append([float(p @ used), *ends])
+            rows.append([float(p @ used), *_limits(p, used)[1:]])
         return Prediction(*np.array(rows, float).T)
 
     def predict(self, motions: Sequence[Record], progress: Progress | None = None) -> Prediction:
@@ -387,14 +383,6 @@ class Calibration(Saved, Result):
             axes.legend(fontsize=8)
 
         return figure_of(angle, lambda _, axes: reliability_panel(axes, self.probability, self.observed))
-
-
-def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
-    """Return outcomes as an array of bool (count,), or refuse them; `name` is for the message."""
-    out = np.asarray(values)
-    if out.shape != (count,) or not np.isin(out, [0, 1]).all():
-        raise ValueError(checks.refusal(name, values, f"{count} outcomes, True or False, one for each motion"))
-    return out.astype(bool)
 
 
 def _limits(values, weights):
