@@ -4,6 +4,7 @@ import importlib
 import json
 import math
 import pathlib
+import re
 import sys
 
 import numpy as np
@@ -106,6 +107,45 @@ def test_predictions_are_means_over_the_kept_blocks(tmp_path):
     assert predicted["7"] > predicted["9"]
 
 
-@pytest.mark.parametrize("line", benchmark.page_rows(RESULTS))
+def pair(value, digits):
+    """Text "a and b" of a number of either specimen, `value(row of the results)`, without the zero before the point."""
+    texts = (f"{value(RESULTS[name]):.{digits}f}" for name in benchmark.SPECIMENS)
+    return " and ".join(re.sub(r"\b0\.", ".", text) for text in texts)
+
+
+def phrases():
+    """What the text of the page says in numbers."""
+    area, variants = "area under the ROC", "sensitivity"
+    main, scatter, both = benchmark.MAIN, "planar block, no scatter", "logistic, PGA and PGV/PGA"
+    yield f"Of 128 draws of frequency parameter and restitution {pair(lambda row: row['effective draws'], 0)} count"
+    yield f"lies {pair(lambda row: row['scores'][main]['z of the sum'], 1)} standard deviations"
+    yield f"the Brier score {pair(lambda row: row['scores'][main]['z of the Brier score'], 1)} (z in the data)"
+    yield f"{pair(lambda row: row['wrong'], 0)} of 238 are predicted wrongly"
+    yield f"with probability {pair(lambda row: row[area]['PGV'], 3)} (area under"
+    for name, text in {"PGD": "PGD", "CAV": "the cumulative", "Arias": "the Arias", "PGA": "PGA"}.items():
+        yield f"{pair(lambda row, name=name: row[area][name], 3)} of {text}"
+    yield f"not seen, have {pair(lambda row: row[area][main], 3)}."
+    yield f"lower by {pair(lambda row: row['scores'][scatter]['loss above'], 2)}."
+    for count in (32, 64):
+        yield f"{pair(lambda row, count=count: row[variants][f'{count} draws']['Brier'], 4)} with {count}"
+    yield f"With 8 draws it is {pair(lambda row: row[variants]['8 draws']['Brier'], 3)};"
+    low_passed = (pair(lambda row, f=f: row[variants][f"8 draws, low-pass {f} Hz"]["Brier"], 3) for f in (20, 10))
+    yield f"at 20 and 10 Hz gives {', and '.join(low_passed)}."
+    unequal = pair(lambda row: row[variants]["32 draws, unequal sides"]["Brier"], 3)
+    yield f"Brier scores are {unequal} with 32 draws, against {pair(lambda row: row[variants]['32 draws']['Brier'], 3)}"
+    first, second = (
+        RESULTS[name]["scores"][both]["Brier above"] / RESULTS[name]["scores"][both]["Brier above, error"]
+        for name in benchmark.SPECIMENS
+    )
+    yield f"ahead by {second:.1f} on specimen 2, and by {first:.1f} on specimen 1"
+
+
+@pytest.mark.parametrize("line", [*benchmark.page_rows(RESULTS), *phrases()])
 def test_the_page_has_what_was_measured(line):
     assert " ".join(line.split()) in PAGE
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/limits.md"])
+def test_other_pages_have_the_shares_right(page):
+    text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    assert pair(lambda row: row["scores"][benchmark.MAIN]["share right"], 2) in text
