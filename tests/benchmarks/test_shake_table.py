@@ -54,6 +54,9 @@ def test_z_is_that_of_outcomes_drawn_with_the_probabilities():
     z = np.array([scoring.calibration_z(p, rng.random(300) < p) for _ in range(2000)])
     assert z.mean(axis=0) == pytest.approx([0, 0], abs=0.08)
     assert z.std(axis=0) == pytest.approx([1, 1], abs=0.05)
+    y = rng.random(300) < p
+    deviation = math.sqrt(((1 - 2 * p) ** 2 * p * (1 - p)).sum())
+    assert scoring.calibration_z(p, y)[1] == pytest.approx((np.square(y - p) - p * (1 - p)).sum() / deviation)
     assert min(scoring.calibration_z(p**2, rng.random(300) < p)) > 2
 
 
