@@ -2,12 +2,12 @@
 
 FILE is an .npz with `ids` (n,), `dt`, seconds, and for each id `a<id>`, the acceleration of the table in 1e-4 g. With
 `overturned` (n, 2), whether specimen 1 and 2 did, and `record` (n,), the ground motion that was scaled, blocks are
-fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Four processor
-minutes, and twenty more with --more; tables of outcomes are kept in FOLDER:
+fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Five processor
+minutes, and ten more with --more; tables of outcomes are kept in FOLDER:
 
     python benchmarks/shake_table.py --motions FILE.npz --tables FOLDER [--draws 64] [--more]
 
-With the blocks that are kept, the probability of overturning under other motions, a minute for a hundred:
+With the blocks that are kept, the probability of overturning under other motions, five processor minutes for a hundred:
 
     python benchmarks/shake_table.py --motions FILE.npz --out PROBABILITIES.json
 """
