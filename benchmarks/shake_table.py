@@ -2,12 +2,12 @@
 
 FILE is an .npz with `ids` (n,), `dt`, seconds, and for each id `a<id>`, the acceleration of the table in 1e-4 g. With
 `overturned` (n, 2), whether specimen 1 and 2 did, and `record` (n,), the ground motion that was scaled, blocks are
-fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Three processor
-minutes, and twelve more with --more; tables of outcomes are kept in FOLDER:
+fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Five processor
+minutes, and ten more with --more; tables of outcomes are kept in FOLDER:
 
-    python benchmarks/shake_table.py --motions FILE.npz --tables FOLDER [--draws 32] [--more]
+    python benchmarks/shake_table.py --motions FILE.npz --tables FOLDER [--draws 64] [--more]
 
-With the blocks that are kept, the probability of overturning under other motions, a minute for a hundred:
+With the blocks that are kept, the probability of overturning under other motions, five processor minutes for a hundred:
 
     python benchmarks/shake_table.py --motions FILE.npz --out PROBABILITIES.json
 """
@@ -22,22 +22,33 @@ import time
 import numpy as np
 import scipy
 from report import DATA, table, write_section
+from shake_table_scores import (
+    SEED,
+    SPLITS,
+    area_under,
+    by_block,
+    by_logistic,
+    inversions,
+    logistic,
+    measures_of,
+    scores,
+    splits_of,
+)
 
 from fpk_rocking import Record
 from fpk_rocking.base.files import write_json
 from fpk_rocking.results.pictures import COLOURS, drawing, reliability_panel
 from fpk_rocking.studies.block_outcomes import block_scenes, outcomes_of
-from fpk_rocking.studies.calibration import PRIOR, Calibration, calibrated, drawn_names
+from fpk_rocking.studies.calibration import PRIOR, calibrated
+from fpk_rocking.studies.posterior import Calibration, drawn_names
 
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"
 SPECIMENS = "specimen 1", "specimen 2"
-SPLITS, SEED, RATE = 25, 1, 200.0
-DRAWS, REFINED, FEW, STIFF = 32, 8, 8, 0.94
-# Of .05, .1, .2, .3, .5 and .8 Hz those with the lowest Brier scores, of PGV alone and of PGA and PGV/PGA.
-ALONE, BESIDE = 0.3, 0.5
+DRAWS, REFINED, FEW, STIFF = 64, 64, 8, 0.94
 HOUSNER = {name: law for name, law in PRIOR.items() if name != "restitution"}
-NO_SCATTER = {"stray": "uniform:0.01:0.6"}
+UNEQUAL = PRIOR | {"offset": "normal:0:0.1"}
+NO_SCATTER = {"spread": 0.0, "scatter": None, "stray": "uniform:0.01:0.6"}
 VARIANTS = {
     "low-pass 20 Hz": {"hertz": 20.0},
     "low-pass 10 Hz": {"hertz": 10.0},
@@ -48,6 +59,9 @@ PRIORS = {
     "prior of the angle: median .15, dispersion .6": {"critical_angle": "lognormal:0.15:0.6"},
     "prior of the scatter: .02 to .25": {"scatter": "uniform:0.02:0.25"},
     "no stray outcomes (.001)": {"stray": "uniform:0.0005:0.0015"},
+    "p and restitution do not scatter": {"spread": 0.0},
+    "they scatter by .05": {"spread": 0.05},
+    "they scatter by .2": {"spread": 0.2},
 }
 MAIN, LOGISTIC = "planar block", "logistic, "
 
@@ -61,14 +75,15 @@ def motions_of(file, hertz=None, level=None):
     """Return the tests of a file as records; low-passed, or cut to what is above a level in g and a second more."""
     arrays, step = samples_of(file)
     if hertz:
-        arrays = [scipy.signal.filtfilt(*scipy.signal.butter(4, 2.0 * hertz * step), one) for one in arrays]
+        arrays = [scipy.signal.filtfilt(*scipy.signal.butter(4, 2.0 * hertz * step), array) for array in arrays]
     if level:
-        places = [np.flatnonzero(np.abs(one) > level) for one in arrays]
+        places = [np.flatnonzero(np.abs(array) > level) for array in arrays]
         arrays = [
-            one[max(at[0] - 20, 0) : at[-1] + round(1.0 / step)] if at.size else one[:9]
-            for one, at in zip(arrays, places, strict=True)
+            array[max(at[0] - 20, 0) : at[-1] + round(1.0 / step)] if at.size else array[:9]
+            for array, at in zip(arrays, places, strict=True)
         ]
-    return [Record(step, tuple(one.tolist()), "g", source=str(n)) for n, one in zip(file["ids"], arrays, strict=True)]
+    pairs = zip(file["ids"], arrays, strict=True)
+    return [Record(step, tuple(array.tolist()), "g", source=str(number)) for number, array in pairs]
 
 
 def predict(file, blocks=BLOCKS):
@@ -83,13 +98,13 @@ def predict(file, blocks=BLOCKS):
     return probabilities
 
 
-def kept_table(folder, name, file, draws, compute, housner=False, overturning=0.5 * math.pi, **motions):
+def kept_table(folder, name, file, draws, compute, prior=PRIOR, overturning=0.5 * math.pi, **motions):
     """Calibration with the paths of a model, kept in the folder of tables; None if neither there nor wanted."""
     path = pathlib.Path(folder) / f"{name.replace(' ', '_')}.npz"
     if not path.exists():
         if not compute:
             return None
-        records, prior = motions_of(file, **motions), HOUSNER if housner else PRIOR
+        records = motions_of(file, **motions)
         calibrated(records, file["overturned"][:, 0], prior, draws=draws, overturning=overturning, seed=SEED).save(path)
     return Calibration.load(path)
 
@@ -115,138 +130,16 @@ def with_draws(calibration, some):
     )
 
 
-def measures_of(file):
-    """Intensity measures of the tests by name, (n,); velocities and displacements without what is below a corner."""
-    arrays, step = samples_of(file)
-
-    def velocities(corner):
-        """Velocities of the table, m/s, high-passed at a corner in Hz."""
-        high = scipy.signal.butter(2, corner * 2.0 * step, "high", output="sos")
-        return [9.80665 * step * np.cumsum(scipy.signal.sosfiltfilt(high, np.pad(one, 2000))) for one in arrays]
-
-    def peaks(series):
-        """Largest absolute values."""
-        return np.array([np.abs(one).max() for one in series])
-
-    pga = peaks(arrays)
-    return {
-        "PGA": pga,
-        "PGV": peaks(velocities(ALONE)),
-        "PGV/PGA": peaks(velocities(BESIDE)) / pga,
-        "PGD": peaks([step * np.cumsum(one) for one in velocities(ALONE)]),
-        "Arias": np.array([(one**2).sum() * step for one in arrays]),
-        "CAV": np.array([np.abs(one).sum() * step for one in arrays]),
-    }
-
-
-def logistic(features, outcome, steps=25, ridge=1e-3):
-    """Coefficients of a logistic regression on features (n, d), standardized, with the intercept first."""
-    x, b = np.column_stack([np.ones(len(features)), features]), np.zeros(features.shape[1] + 1)
-    for _ in range(steps):
-        p = scipy.special.expit(x @ b)
-        hessian = (x * (p * (1 - p) + 1e-9)[:, None]).T @ x + ridge * np.eye(b.size)
-        b = b + np.clip(np.linalg.solve(hessian, x.T @ (outcome - p) - ridge * b), -2.0, 2.0)
-    return b
-
-
-def by_logistic(*columns):
-    """Model that predicts by a logistic regression on logarithms of measures (n,): a function of tests and outcomes."""
-    logs = np.log(np.column_stack(columns))
-    logs = (logs - logs.mean(axis=0)) / logs.std(axis=0)
-
-    def probabilities(counted, observed):
-        """Probabilities under all motions, fitted to those that are counted, bool (n,)."""
-        b = logistic(logs[counted], observed[counted])
-        return scipy.special.expit(b[0] + logs @ b[1:])
-
-    return probabilities
-
-
-def by_block(calibration, observed, **prior):
-    """Model that predicts by a calibration to outcomes (n,) with other priors; a prior of None is left out."""
-    laws = {name: law for name, law in (calibration.prior | prior).items() if law is not None}
-    fitted = dataclasses.replace(calibration, prior=laws, observed=observed)
-    return lambda counted, _: fitted.counting(counted).probability
-
-
-def splits_of(record, count=SPLITS, seed=SEED):
-    """Return the tests that are fitted to, bool (count, n): those of a random half of the ground motions each time."""
-    rng, names = np.random.default_rng(seed), np.unique(record)
-    return np.array([np.isin(record, rng.permutation(names)[: names.size // 2]) for _ in range(count)])
-
-
-def cross_validated(model, observed, splits):
-    """Mean Brier score, negative log-likelihood, share right and probability of each test, (4, n), where left out."""
-    total, out = np.zeros((4, observed.size)), ~splits
-    for counted, left in zip(splits, out, strict=True):
-        p = np.clip(model(counted, observed), 1e-6, 1 - 1e-6)
-        values = (p - observed) ** 2, -np.log(np.where(observed, p, 1 - p)), (p > 0.5) == observed, p
-        total += np.where(left, values, 0.0)
-    return total / out.sum(axis=0)
-
-
-def grouped_error(values, record):
-    """Return the standard error of the mean of values (n,) that deviate together under one ground motion."""
-    sums = np.array([(values - values.mean())[record == name].sum() for name in np.unique(record)])
-    return math.sqrt((sums**2).sum() * sums.size / (sums.size - 1)) / values.size
-
-
-def calibration_z(p, observed):
-    """Deviates of the sum of the outcomes and of the Brier score (Spiegelhalter 1986) from what p (n,) makes likely."""
-    variance, slope = p * (1 - p), 1 - 2 * p
-    total = ((observed - p) * slope).sum() / math.sqrt((slope**2 * variance).sum())
-    return (observed - p).sum() / math.sqrt(variance.sum()), total
-
-
-def scores(models, observed, record, splits, main=MAIN):
-    """Scores of models by name, each with standard errors by ground motion, and those of the difference from one."""
-    results = {name: cross_validated(model, observed, splits) for name, model in models.items()}
-    rows = {}
-    for name, (brier, loss, right, p) in results.items():
-        away, away_loss = brier - results[main][0], loss - results[main][1]
-        z = calibration_z(p, observed)
-        rows[name] = {
-            "share right": right.mean(),
-            "Brier": brier.mean(),
-            "Brier error": grouped_error(brier, record),
-            "log-likelihood": -loss.mean(),
-            "z of the sum": z[0],
-            "z of the Brier score": z[1],
-            "Brier above": away.mean(),
-            "Brier above, error": grouped_error(away, record),
-            "loss above": away_loss.mean(),
-            "loss above, error": grouped_error(away_loss, record),
-        }
-    rounded = {name: {key: round(float(value), 4) for key, value in row.items()} for name, row in rows.items()}
-    return rounded, {name: values[3] for name, values in results.items()}
-
-
-def models_of(planar, housner, measures, observed):
-    """Models by name: blocks, and regressions on intensity measures (n,), for outcomes (n,)."""
+def models_of(planar, tables, measures):
+    """Models by name: blocks, and regressions on intensity measures (n,)."""
     pairs = {"PGA and PGV/PGA": ("PGA", "PGV/PGA")} | {name: (name,) for name in measures if name != "PGV/PGA"}
-    regressions = {LOGISTIC + text: by_logistic(*(measures[one] for one in names)) for text, names in pairs.items()}
+    regressions = {LOGISTIC + text: by_logistic(*(measures[key] for key in names)) for text, names in pairs.items()}
     stiff = with_draws(planar, planar.draws[:, 1] > STIFF)
-    blocks = {MAIN: planar, f"planar block, restitution above {STIFF}": stiff}
-    if housner:
-        blocks["planar block, Housner's restitution"] = housner
-    models = {name: by_block(one, observed) for name, one in blocks.items()}
-    models |= {
-        f"{name}, no scatter": by_block(one, observed, scatter=None, **NO_SCATTER) for name, one in blocks.items()
-    }
+    blocks = {MAIN: planar, f"{MAIN}, restitution above {STIFF}": stiff}
+    blocks |= {f"{MAIN}, {text}": table for text, table in tables.items() if table}
+    models = {name: by_block(block) for name, block in blocks.items()}
+    models |= {f"{name}, no scatter": by_block(block, **NO_SCATTER) for name, block in blocks.items()}
     return models | regressions
-
-
-def area_under(measure, observed):
-    """Probability that a measure is larger of a test that overturned than of one that stood (area under the ROC)."""
-    ranks = scipy.stats.rankdata(measure)[observed]
-    return float((ranks.sum() - ranks.size * (ranks.size + 1) / 2) / (ranks.size * (~observed).sum()))
-
-
-def inversions(pga, record, observed):
-    """Return where (n,) a specimen stood though a weaker motion of the record overturned it, and these motions."""
-    same = record[:, None] == record
-    weaker = same & (pga[:, None] > pga) & observed & ~observed[:, None]
-    return weaker.any(axis=1) | weaker.any(axis=0)
 
 
 def kept_blocks(fits):
@@ -260,7 +153,7 @@ def kept_blocks(fits):
             "critical_angle": fit.angles.round(8).tolist(),
             "weights": fit.population[some].round(5).tolist(),
             "stray": round(fit.stray_mean, 6),
-            "posterior": {key: [float(f"{one:.4g}") for one in row] for key, row in fit.posterior.items()},
+            "posterior": {key: [float(f"{value:.4g}") for value in row] for key, row in fit.posterior.items()},
         }
     return values
 
@@ -335,24 +228,27 @@ def compare(file, folder, draws, more):
     began = time.process_time()
     planar = kept_table(folder, "planar", file, draws, compute=True)
     blocks = {name: refined_table(folder, name, file, planar, k, more) for k, name in enumerate(SPECIMENS)}
-    housner = kept_table(folder, "housner", file, FEW, more, housner=True)
-    record, splits, measures = file["record"], splits_of(file["record"]), measures_of(file)
+    unequal = kept_table(folder, "unequal", file, draws // 2, more, prior=UNEQUAL)
+    others = {"Housner's restitution": kept_table(folder, "housner", file, FEW, more, prior=HOUSNER)}
+    record, splits, measures = file["record"], splits_of(file["record"]), measures_of(*samples_of(file))
     observed = {name: file["overturned"][:, k].astype(bool) for k, name in enumerate(SPECIMENS)}
     tables = {text: kept_table(folder, text, file, FEW, more, **options) for text, options in VARIANTS.items()}
-    found, predictions = {"seconds of paths": round(planar.wall_s, 1)}, {}
+    results, predictions = {}, {}
     for name in SPECIMENS:
-        models = models_of(blocks[name], housner, measures, observed[name])
-        variants = {"as above": models[MAIN], f"{FEW} draws": by_block(with_draws(planar, slice(FEW)), observed[name])}
-        variants |= {f"the first {DRAWS} draws": by_block(planar, observed[name])}
-        variants |= {text: by_block(blocks[name], observed[name], **laws) for text, laws in PRIORS.items()}
-        variants |= {f"{FEW} draws, {text}": by_block(one, observed[name]) for text, one in tables.items() if one}
-        rows, predictions[name] = scores(models, observed[name], record, splits)
-        sensitivity, _ = scores(variants, observed[name], record, splits, main="as above")
+        models = models_of(blocks[name], others, measures)
+        variants = {"as above": models[MAIN], f"{FEW} draws": by_block(with_draws(planar, slice(FEW)))}
+        variants |= {f"{count} draws": by_block(with_draws(planar, slice(count))) for count in (draws // 2, draws)}
+        if unequal:
+            variants[f"{draws // 2} draws, unequal sides"] = by_block(unequal)
+        variants |= {text: by_block(blocks[name], **laws) for text, laws in PRIORS.items()}
+        variants |= {f"{FEW} draws, {text}": by_block(some) for text, some in tables.items() if some}
+        rows, predictions[name] = scores(models, observed[name], record, splits, MAIN)
+        sensitivity, _ = scores(variants, observed[name], record, splits, "as above")
         order = {key: round(area_under(values, observed[name]), 3) for key, values in measures.items()}
         order[MAIN] = round(area_under(predictions[name][MAIN], observed[name]), 3)
         wrong = (predictions[name][MAIN] > 0.5) != observed[name]
         strange = inversions(measures["PGA"], record, observed[name])
-        found[name] = {
+        results[name] = {
             "scores": rows,
             "sensitivity": sensitivity,
             "area under the ROC": order,
@@ -360,25 +256,61 @@ def compare(file, folder, draws, more):
             "wrong, predicted to stand": int((wrong & observed[name]).sum()),
             "outcomes not in order": int(strange.sum()),
             "wrong among these": int((wrong & strange).sum()),
+            "draws": len(blocks[name].draws),
             "effective draws": round(blocks[name].effective_draws, 1),
-            "posterior": {key: [float(f"{one:.3g}") for one in row] for key, row in blocks[name].posterior.items()},
+            "posterior": {key: [float(f"{value:.3g}") for value in row] for key, row in blocks[name].posterior.items()},
         }
+        if unequal:
+            fit = unequal.counting(unequal.counted, observed[name])
+            results[name]["offset"] = [float(f"{value:.3g}") for value in fit.posterior["offset"]]
+            results[name]["effective draws, unequal sides"] = round(fit.effective_draws, 1)
     pictures(predictions, observed, measures, record)
-    found["tests"] = {
+    results["tests"] = {
         "id": file["ids"].tolist(),
-        **{key: [float(f"{one:.4g}") for one in values] for key, values in measures.items() if key in {"PGA", "PGV"}},
+        **{key: [float(f"{value:.4g}") for value in measures[key]] for key in ("PGA", "PGV")},
         **{f"{name} overturned": observed[name].astype(int).tolist() for name in SPECIMENS},
         **{f"{name} predicted": predictions[name][MAIN].round(4).tolist() for name in SPECIMENS},
     }
-    found["processor seconds beside the paths"] = round(time.process_time() - began, 1)
-    return found, blocks
+    results["processor seconds, with the paths that were not kept"] = round(time.process_time() - began, 1)
+    return results, blocks
 
 
-def section(found):
+def page_rows(results):
+    """Lines of the tables of the page: of the posteriors, and of the scores."""
+    lines = []
+    first, second = (results[name]["posterior"] for name in SPECIMENS)
+    texts = {
+        "critical_angle": "critical angle, rad",
+        "frequency_parameter": "frequency parameter p, rad/s",
+        "restitution": "restitution",
+        "scatter": "scatter of the critical angle",
+        "stray": "share of stray outcomes",
+    }
+    for key, text in texts.items():
+        cells = [f"{_short(row[0])} ({_short(row[1])} to {_short(row[2])})" for row in (first[key], second[key])]
+        lines.append(f"| {text} | {cells[0]} | {cells[1]} |")
+    for model in results[SPECIMENS[0]]["scores"]:
+        cells = []
+        for name in SPECIMENS:
+            row = results[name]["scores"][model]
+            error = f"{row['Brier above, error']:.3f}".lstrip("0")
+            above = "" if model == MAIN else f"{row['Brier above']:+.3f} ± {error}".replace("0.", ".", 1)
+            cells += [_short(row["share right"], 3), _short(row["Brier"], 3), above]
+        lines.append(f"| {model.replace('0.94', '.94')} | " + " | ".join(cells) + " |")
+    return lines
+
+
+def _short(value, digits=None):
+    """Text of a number without the zero before the point."""
+    text = f"{value:.3g}" if digits is None else f"{value:.{digits}f}"
+    return text.removeprefix("0") if value else text
+
+
+def section(results):
     """Title and body of the section."""
     rows, sensitive = [], []
     for name in SPECIMENS:
-        for model, row in found[name]["scores"].items():
+        for model, row in results[name]["scores"].items():
             above = "" if model == MAIN else f"{row['Brier above']:+.3f} ± {row['Brier above, error']:.3f}"
             z = f"{row['z of the sum']:+.1f}, {row['z of the Brier score']:+.1f}"
             rows.append(
@@ -394,9 +326,9 @@ def section(found):
             )
         sensitive += [
             [name, model, f"{row['Brier']:.4f}", f"{row['Brier above']:+.4f}", f"{row['log-likelihood']:.3f}"]
-            for model, row in found[name]["sensitivity"].items()
+            for model, row in results[name]["sensitivity"].items()
         ]
-    first, second = (found[name]["scores"][MAIN] for name in SPECIMENS)
+    first, second = (results[name]["scores"][MAIN] for name in SPECIMENS)
     result = (
         "**Result.** Fitted to half of the ground motions, a planar rocking block with scatter predicts "
         f"{first['share right']:.3f} and {second['share right']:.3f} of the outcomes of the other half (Brier score "
@@ -422,16 +354,18 @@ def main():
     parser.add_argument("--tables", default="build/shake_table", metavar="FOLDER", help="tables of outcomes")
     parser.add_argument("--draws", type=int, default=DRAWS, metavar="N", help="blocks, a power of 2")
     parser.add_argument(
-        "--more", action="store_true", help="further draws, Housner's restitution, other filters, lengths, cut-offs"
+        "--more",
+        action="store_true",
+        help="further draws, unequal sides, other restitution, filters, lengths, cut-offs",
     )
     options = parser.parse_args()
     with np.load(options.motions) as file:
         if options.out:
             write_json(options.out, predict(file))
             return
-        found, fits = compare(file, options.tables, options.draws, options.more)
+        results, fits = compare(file, options.tables, options.draws, options.more)
     write_json(BLOCKS, kept_blocks(fits))
-    write_section(*section(found), page=None, values=found)
+    write_section(*section(results), page=None, values=results)
 
 
 if __name__ == "__main__":

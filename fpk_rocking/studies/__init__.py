@@ -10,13 +10,14 @@ motion is, and ``ranked`` orders these measures. ``calibrated`` fits a block to 
 and ``slenderness_cost`` what it changes to take a block as slender.
 """
 
-from fpk_rocking.studies.calibration import Calibration, calibrated
+from fpk_rocking.studies.calibration import calibrated
 from fpk_rocking.studies.critical import CriticalIntensities, critical_intensities
 from fpk_rocking.studies.curves import fragility
 from fpk_rocking.studies.drawing import Draws, drawn, synthetic_records
 from fpk_rocking.studies.lognormal import Ranking, ranked
 from fpk_rocking.studies.motions import Intensities, intensities
 from fpk_rocking.studies.pooled import IntensityCurve
+from fpk_rocking.studies.posterior import Calibration
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import Grid, grid, resized, scaled
 from fpk_rocking.studies.sweeping import Sweep, sweep

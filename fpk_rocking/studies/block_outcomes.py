@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import Array, Progress
+from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.base.jit import map_threads
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.scene import NoNoise
-from fpk_rocking.scene.parts import Block, Overturning
+from fpk_rocking.scene.parts import Block, Body, Overturning
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 from montecarlo.engines import engine_of
@@ -28,6 +27,14 @@ LASTS = 10.0
 """Nondimensional time after a motion within which a block that overturns does so."""
 
 
+def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
+    """Return outcomes as an array of bool (count,), or refuse them; `name` is for the message."""
+    out = np.asarray(values)
+    if out.shape != (count,) or not np.isin(out, [0, 1]).all():
+        raise ValueError(checks.refusal(name, values, f"{count} outcomes, True or False, one for each motion"))
+    return out.astype(bool)
+
+
 def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: float) -> Scene:
     """Return the scene of a block under a motion: the one place that knows what the parameters of a prior mean.
 
@@ -35,19 +42,28 @@ def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: fl
     ----------
     motion : Record
     overturning : float
-        Angle of overturning, in critical angles.
+        Angle of overturning, in critical angles, of the harder side where the sides differ.
     **values : float
-        `critical_angle` α, radians, and `frequency_parameter` p, rad/s, of a homogeneous rectangle: its half diagonal
-        is 3 g/(4 p²). `restitution`, by default Housner's.
+        `critical_angle` α, radians, and `frequency_parameter` p, rad/s, of the easier side: as those of a homogeneous
+        rectangle, whose half diagonal is 3 g/(4 p²). `restitution`, by default Housner's. `offset` d of the centre of
+        mass, by default 0: it is (1 - d) half widths from the left corner and (1 + d) from the right one.
     """
-    names = {SCATTERED, SHARED, "restitution"}
-    if not {SCATTERED, SHARED} <= values.keys() <= names:
-        accepted = f"{SCATTERED}, {SHARED}, and restitution or not"
+    if not {SCATTERED, SHARED} <= values.keys() <= {SCATTERED, SHARED, "restitution", "offset"}:
+        accepted = f"{SCATTERED}, {SHARED}, and restitution and offset or not"
         raise ValueError(checks.refusal("prior", sorted(values), accepted))
-    alpha, diagonal = values[SCATTERED], 1.5 * STANDARD_GRAVITY / values[SHARED] ** 2
-    size = Dimensions(diagonal * math.sin(alpha), diagonal * math.cos(alpha))
-    block = Block(values.get("restitution"), size)  # type: ignore[arg-type]  # None: Housner's
-    return Scene(block, motion, NoNoise(), overturning=Overturning(overturning))
+    alpha, radius = values[SCATTERED], 0.75 * STANDARD_GRAVITY / values[SHARED] ** 2
+    easier, height = radius * math.sin(alpha), radius * math.cos(alpha)
+    restitution: Any = values.get("restitution")
+    if "offset" not in values:
+        block = Block(restitution, Dimensions(2.0 * easier, 2.0 * height))
+        return Scene(block, motion, NoNoise(), overturning=Overturning(overturning))
+    offset = checks.number("offset", values["offset"], at_least=-0.9, at_most=0.9)
+    harder = easier * (1.0 + abs(offset)) / (1.0 - abs(offset))
+    right, left = (harder, easier) if offset > 0.0 else (easier, harder)
+    body = Body(height, right, left, radius / math.sqrt(3.0))
+    # Beyond the saddle of the harder side, not of the easier one, a block does not come back by itself.
+    criterion = Overturning(overturning * max(body.saddles))
+    return Scene(Block(restitution, body=body), motion, NoNoise(), overturning=criterion)
 
 
 def block_scenes(
@@ -75,7 +91,7 @@ def outcomes_of(
     ndarray of bool, shape (n, k, j)
     """
     out, done = np.zeros((len(motions), len(blocks), len(blocks[0])), bool), []
-    sizes: Any = [[scene.block.dimensions for scene in row] for row in blocks]
+    sizes: Any = [[scene.block.size for scene in row] for row in blocks]
     groups: dict[float, list[int]] = {}
     for number, row in enumerate(sizes):
         groups.setdefault(round(row[0].frequency_parameter, 9), []).append(number)
@@ -83,28 +99,42 @@ def outcomes_of(
     def follow(number):
         """Follow all blocks under one motion; those of equal frequency parameter share its tables."""
         for rows in groups.values():
-            first = dataclasses.replace(blocks[rows[0]][0], forcing=motions[number].for_size(sizes[rows[0]][0]))
-            run = checked_run(first, None, None, 1, "exact", 200, times=[first.forcing.duration + LASTS])
-            tables = engine_of(first, "exact").parameters_of(first, 200, run.times[1:])
-            for row in rows:
-                scenes, unit = blocks[row], sizes[rows[0]][0].amplitude(1.0)
-
-                def overturns(place, scenes=scenes, row=row, unit=unit, tables=tables, run=run):
-                    """Whether the block of a critical angle, by its place, overturns."""
-                    factor = sizes[row][place].amplitude(1.0) / unit
-                    if factor * run.scene.forcing.largest <= lift_off(scenes[place].block.critical_angle):
-                        return False
-                    own = scaled_parameters(tables._replace(block=block_of_scene(scenes[place])), factor)
-                    (path,) = simulate_batches(run, parameters=own)
-                    return bool(path.overturn_side[0])
-
-                out[number, row, ::2] = [overturns(place) for place in range(0, len(scenes), 2)]
-                for place in range(1, len(scenes) - 1, 2):
+            overturns = _follower(blocks[rows[0]][0], motions[number])
+            for place in range(0, out.shape[2], 2):
+                for row in rows:
+                    out[number, row, place] = overturns(blocks[row][place])
+            for place in range(1, out.shape[2] - 1, 2):
+                for row in rows:
                     before, after = out[number, row, place - 1], out[number, row, place + 1]
-                    out[number, row, place] = overturns(place) if before != after else before
+                    out[number, row, place] = overturns(blocks[row][place]) if before != after else before
         done.append(number)
         if progress is not None:
             progress(len(done), len(motions))
 
     map_threads(follow, range(len(motions)))
     return out
+
+
+def _follower(first, motion):
+    """Return a function of a scene that says whether its block overturns under a motion.
+
+    The blocks have the frequency parameter of that of the scene `first`.
+    """
+    first = dataclasses.replace(first, forcing=motion.for_size(first.block.size))
+    run = checked_run(first, None, None, 1, "exact", 200, times=[first.forcing.duration + LASTS])
+    tables = engine_of(first, "exact").parameters_of(first, 200, run.times[1:])
+    latest: dict[Any, Any] = {}
+
+    def overturns(scene):
+        """Whether the block of a scene overturns."""
+        size, block = scene.block.size, block_of_scene(scene)
+        factor = size.amplitude(1.0) / first.block.size.amplitude(1.0)
+        if factor * first.forcing.largest <= scene.block.lift_off:
+            return False
+        if size not in latest:
+            latest.clear()
+            latest[size] = scaled_parameters(tables._replace(block=block), factor)
+        (path,) = simulate_batches(run, parameters=latest[size]._replace(block=block))
+        return bool(path.overturn_side[0])
+
+    return overturns

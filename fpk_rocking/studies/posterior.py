@@ -1,0 +1,392 @@
+"""What a block is, from the motions under which it overturned and those under which it stood: a posterior.
+
+Two tests of one block under nearly one motion may end differently, so a block that reproduces all outcomes does not
+exist. Each test therefore has a block of its own. Its critical angle is lognormal about that of the tested block: its
+median μ and its dispersion σ are fitted. Its frequency parameter p, restitution e and, where it has one, offset of the
+centre of mass are normal about those of the tested block, with one standard deviation in quantiles of their priors.
+With the share λ of outcomes that the model has nothing to do with,
+
+    P(overturned under motion i) = λ/2 + (1 - λ) ∫∫ O_i(α, p', e') N(ln α; ln μ, σ²) k(p', e' | p, e) d ln α d(p', e'),
+
+where O_i is 1 where the path of a block overturns and 0 where it stands, computed for blocks at nodes of α and at
+scrambled Sobol points of (p, e). The posterior is a sum: over nodes of μ, σ and λ by quadrature, over the points by
+importance weights. Without k the likelihood jumps from point to point, as single paths do, and few points bear it.
+"""
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+import scipy
+
+from fpk_rocking.base.checks import Array, ArrayLike, Progress
+from fpk_rocking.physics.forcing import Record
+from fpk_rocking.results.pictures import COLOURS, figure_of, reliability_panel
+from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
+from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
+from fpk_rocking.studies.drawing import concentrated, distribution_of
+
+LEVELS, FINER = 8, 2
+"""Values of the frequency parameter, and nodes of the median critical angle from one of a block to the next."""
+
+CELLS = {"scatter": 10, "stray": 4}
+"""Equally probable cells of the prior of which the posterior takes the middle."""
+
+FEW, TOO_FEW = 8.0, 3.0
+"""Effective number of draws below which there is caution, and below which a posterior is not to be used."""
+
+
+def drawn_names(prior: Mapping[str, Any]) -> list[str]:
+    """Return the names of the parameters of a prior that are drawn and have no nodes, in its order."""
+    return [name for name in prior if name not in {SCATTERED, *CELLS}]
+
+
+def values_at(points: Array, prior: Mapping[str, Any]) -> Array:
+    """Return the parameters that are drawn (k, d) at quantiles (k, d) of their priors.
+
+    The frequency parameter is that of the middle of one of `LEVELS` cells, so that blocks share tables of a motion.
+    """
+    names, points = drawn_names(prior), points.copy()
+    if SHARED in names:
+        column = points[:, names.index(SHARED)]
+        column[:] = (np.floor(column * LEVELS) + 0.5) / LEVELS
+    laws = [distribution_of(name, prior[name]) for name in names]
+    return np.column_stack([law.ppf(column) for law, column in zip(laws, points.T, strict=True)])
+
+
+class Prediction(NamedTuple):
+    """Probability of overturning under n motions, and what the tests leave open of it.
+
+    Parameters
+    ----------
+    probability, low, high : ndarray, shape (n,)
+        Mean over the posterior, and 95 % limits.
+
+    Examples
+    --------
+    >>> from fpk_rocking.studies import calibrated, synthetic_records
+    >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
+    >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
+    >>> prediction = block.predict(synthetic_records(1, duration=4.0, rms=2.5, seed=9))
+    >>> print(prediction.probability.round(2), prediction.low.round(2), prediction.high.round(2))
+    [0.88] [0.56] [0.98]
+    """
+
+    probability: Array
+    low: Array
+    high: Array
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Calibration(Saved, Result):
+    """What a block is, from the outcomes of n tests: a posterior on k draws of the block and nodes of the other values.
+
+    Parameters
+    ----------
+    motion : list of str
+        Names of the motions.
+    prior : dict
+        Distributions by name, as of `calibrated`.
+    angles : ndarray, shape (j,)
+        Critical angles of the blocks, radians.
+    draws : ndarray, shape (k, d)
+        Values of the other parameters of the block, in the order of the prior.
+    importance : ndarray, shape (k,)
+        Density of the prior over that of the draws, at each.
+    overturns : ndarray of bool, shape (n, k, j)
+        Whether a block overturns under a motion.
+    observed : ndarray of bool, shape (n,)
+        Whether the tested block overturned.
+    counted : ndarray of bool, shape (n,)
+        Tests that the posterior takes into account.
+    spread : float
+        Standard deviation of the drawn parameters from test to test, in quantiles of their priors.
+    overturning : float
+        Angle of overturning, in critical angles.
+    wall_s : float
+        Seconds that the paths took.
+
+    Examples
+    --------
+    >>> from fpk_rocking.studies import calibrated, synthetic_records
+    >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
+    >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
+    >>> print(block.overturns.shape[:2], block.trust.verdict)
+    (6, 8) caution
+    """
+
+    kind: ClassVar = "calibration"
+    motion: list[str]
+    prior: dict[str, Any]
+    angles: Annotated[Array, "f8 j"]
+    draws: Annotated[Array, "f8 k d"]
+    importance: Annotated[Array, "f8 k"]
+    overturns: Annotated[Array, "b1 n k j"]
+    observed: Annotated[Array, "b1 n"]
+    counted: Annotated[Array, "b1 n"]
+    spread: float
+    overturning: float
+    wall_s: float
+
+    def counting(self, tests: ArrayLike, observed: ArrayLike | None = None) -> Self:
+        """Return the calibration by some of the tests, or by other outcomes, from the same paths.
+
+        Parameters
+        ----------
+        tests : array_like of bool, shape (n,)
+            Those that count.
+        observed : array_like of bool, shape (n,), optional
+            Other outcomes.
+        """
+        counted = outcomes_as_bool("tests", tests, len(self.motion))
+        if observed is not None:
+            outcomes = outcomes_as_bool("observed", observed, len(self.motion))
+            return dataclasses.replace(self, counted=counted, observed=outcomes)
+        part = dataclasses.replace(self, counted=counted)
+        vars(part)["_evidence"] = self._evidence
+        return part
+
+    @functools.cached_property
+    def axes(self) -> dict[str, Array]:
+        """Nodes of the median critical angle, the scatter and the share of stray outcomes, by name."""
+        medians = np.geomspace(self.angles[0], self.angles[-1], FINER * (self.angles.size - 1) + 1)
+        return {SCATTERED: medians} | {name: self._middles(name) for name in CELLS}
+
+    def _middles(self, name):
+        """Return the nodes of the scatter or of the share of stray outcomes: 0 where the prior has none."""
+        if name not in self.prior:
+            return np.zeros(1)
+        return np.asarray(distribution_of(name, self.prior[name]).ppf((np.arange(CELLS[name]) + 0.5) / CELLS[name]))
+
+    @functools.cached_property
+    def _shares(self):
+        """Probability (medians * scatters, j) that the critical angle of a test is nearest to each node."""
+        logs, medians = np.log(self.angles), np.log(self.axes[SCATTERED])
+        edges = np.concatenate([[-math.inf], 0.5 * (logs[1:] + logs[:-1]), [math.inf]])
+        away = edges - medians[:, None, None]
+        spread = np.maximum(self.axes["scatter"], 1e-9)[:, None]
+        return np.diff(scipy.special.ndtr(away / spread), axis=-1).reshape(-1, logs.size).astype(np.float32)
+
+    @property
+    def _quantiles(self):
+        """Quantiles (k, d) of the priors at which the draws are."""
+        laws = [distribution_of(name, self.prior[name]) for name in drawn_names(self.prior)]
+        return np.column_stack([law.cdf(column) for law, column in zip(laws, self.draws.T, strict=True)])
+
+    @functools.cached_property
+    def _neighbours(self):
+        """Probabilities (k, k) that in a test the block is another draw, for a tested block that is the first one."""
+        places = self._quantiles
+        away = np.square((places[:, None] - places) / max(self.spread, 1e-9)).sum(axis=-1)
+        near = np.exp(-0.5 * away) * self.importance
+        return (near / near.sum(axis=1, keepdims=True)).astype(np.float32)
+
+    @functools.cached_property
+    def _shares_overturned(self):
+        """Shares (n, k, j) of blocks that overturn, of blocks that scatter about a draw with one critical angle."""
+        return np.einsum("kq,nqj->nkj", self._neighbours, self.overturns.astype(np.float32), optimize=True)
+
+    def _with_stray(self, shares):
+        """Return P (..., l) with each share of stray outcomes, of P without (...)."""
+        return shares[..., None] + self.axes["stray"] * (0.5 - shares[..., None])
+
+    @functools.cached_property
+    def _evidence(self):
+        """Log-likelihood (n, h) of each outcome at the h nodes of the posterior, in the order of `weights`."""
+        parts, outcome = [], self.observed[:, None, None]
+        for overturned in self._shares_overturned.swapaxes(0, 1):
+            p = self._with_stray(overturned @ self._shares.T)
+            parts.append(np.log(np.maximum(np.where(outcome, p, 1.0 - p), 1e-12)).reshape(len(p), -1))
+        return np.concatenate(parts, axis=1, dtype=np.float32)
+
+    @functools.cached_property
+    def weights(self) -> Array:
+        """Posterior weights (k, medians, scatters, strays), of sum 1."""
+        logs = self.counted.astype(np.float32) @ self._evidence
+        medians = np.log(self.axes[SCATTERED])
+        ends = np.concatenate([[-math.inf], np.exp(0.5 * (medians[1:] + medians[:-1])), [math.inf]])
+        prior = np.diff(distribution_of(SCATTERED, self.prior[SCATTERED]).cdf(ends))
+        weights = np.exp((logs - logs.max()).astype(float)).reshape(-1, *map(len, self.axes.values()))
+        weights *= self.importance[:, None, None, None] * prior[:, None, None]
+        return weights / weights.sum()
+
+    @property
+    def effective_draws(self) -> float:
+        """Effective number of the draws of the block, 1/Σw² of their weights."""
+        return float(1.0 / (self.weights.sum(axis=(1, 2, 3)) ** 2).sum())
+
+    @functools.cached_property
+    def _masses(self):
+        """Weights (k, j), of sum 1, of the critical angles of tests of each draw."""
+        masses = (self.weights @ (1.0 - self.axes["stray"])).reshape(len(self.draws), -1) @ self._shares
+        return masses / masses.sum()
+
+    @property
+    def population(self) -> Array:
+        """Weights (k, j) of the blocks, of sum 1, by which they stand for the tested one in a test of its own.
+
+        The probability of overturning under any motion is `stray_mean`/2 and the rest of 1 times their mean.
+        """
+        return self._neighbours.T @ self._masses
+
+    @property
+    def stray_mean(self) -> float:
+        """Posterior mean of the share of stray outcomes."""
+        return float((self.weights @ self.axes["stray"]).sum())
+
+    @property
+    def probability(self) -> Array:
+        """Probabilities of overturning (n,) under the motions of the tests, counted or not."""
+        means = np.einsum("nkj,kj->n", self.overturns, self.population)
+        return 0.5 * self.stray_mean + (1.0 - self.stray_mean) * means
+
+    @functools.cached_property
+    def predicted(self) -> Prediction:
+        """Probabilities under the motions of the tests, with their intervals over the posterior."""
+        return self._predict(self._shares_overturned, np.arange(len(self.draws)))
+
+    @functools.cached_property
+    def error_estimate(self) -> float:
+        """Largest standard error of `predicted` by the number of draws, as if these were independent."""
+        own = self._masses.sum(axis=1)
+        means = np.einsum("nkj,kj->kn", self._shares_overturned, self._masses) / np.maximum(own, 1e-300)[:, None]
+        return float(np.sqrt((own**2) @ (means - own @ means) ** 2).max())
+
+    def _predict(self, shares, draws):
+        """Return the `Prediction` of shares (n, k, j) that overturn of blocks about some draws, numbers (k,)."""
+        weights = self.weights[draws].ravel()
+        keep = weights > 1e-5 * weights.max()
+        used = weights[keep] / weights[keep].sum()
+        rows = []
+        for overturned in shares:
+            p = self._with_stray(overturned @ self._shares.T).ravel()[keep]
+            rows.append([float(p @ used), *_limits(p, used)[1:]])
+        return Prediction(*np.array(rows, float).T)
+
+    def predict(self, motions: Sequence[Record], progress: Progress | None = None) -> Prediction:
+        """Return the probability of overturning under motions that were not among the tests.
+
+        Parameters
+        ----------
+        motions : sequence of Record, (n,)
+        progress : callable, optional
+            Called as ``progress(done, total)`` after each motion.
+        """
+        draws, blocks = (
+            np.flatnonzero(mass > 1e-3 * mass.max()) for mass in (self._masses.sum(axis=1), self.population.sum(axis=1))
+        )
+        near = self._neighbours[np.ix_(draws, blocks)]
+        scenes = block_scenes(drawn_names(self.prior), self.draws[blocks], self.angles, self.overturning, motions)
+        overturns = outcomes_of(scenes, motions, progress).astype(np.float32)
+        shares = np.einsum("kq,nqj->nkj", near / near.sum(axis=1, keepdims=True), overturns, optimize=True)
+        return self._predict(shares, draws)
+
+    def refined(
+        self, motions: Sequence[Record], draws: int = 64, seed: int = 2, progress: Progress | None = None
+    ) -> Self:
+        """Return the calibration with further draws of the block, from where the posterior is.
+
+        Of old and new draws together each has the weight of the prior over the density of the mixture.
+
+        Parameters
+        ----------
+        motions : sequence of Record, (n,)
+            Those of the tests.
+        draws, seed : int
+            Further draws, and the seed of their scrambled Sobol points.
+        progress : callable, optional
+            Called as ``progress(done, total)`` after each motion.
+        """
+        if (self.importance != 1.0).any():
+            raise ValueError("refined: got a calibration that is refined, accepted: one of `calibrated`")
+        new, importance = concentrated(self._quantiles, self.weights.sum(axis=(1, 2, 3)), draws, seed)
+        values = values_at(new, self.prior)
+        scenes = block_scenes(drawn_names(self.prior), values, self.angles, self.overturning, motions)
+        return dataclasses.replace(
+            self,
+            draws=np.concatenate([self.draws, values]),
+            importance=importance,
+            overturns=np.concatenate([self.overturns, outcomes_of(scenes, motions, progress)], axis=1),
+        )
+
+    @property
+    def posterior(self) -> dict[str, tuple[float, float, float]]:
+        """Median and 95 % limits of each parameter, by name."""
+        of_draws = self.weights.sum(axis=(1, 2, 3))
+        pairs = {name: (column, of_draws) for name, column in zip(drawn_names(self.prior), self.draws.T, strict=True)}
+        for place, (name, axis) in enumerate(self.axes.items(), 1):
+            others = tuple({0, 1, 2, 3} - {place})
+            pairs[name] = axis, self.weights.sum(axis=others)
+        return {name: _limits(*pairs[name]) for name in self.prior}
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Settings, error figures, and the posterior's median of each parameter."""
+        return super().metadata | {name: row[0] for name, row in self.posterior.items()}
+
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """Whether enough of the draws count, and whether the posterior lies within the nodes."""
+        number = self.effective_draws
+        severity = UNUSABLE if number < TOO_FEW else CAUTION if number < FEW else 0
+        text = f"{number:.3g} of {len(self.draws)} draws of the block count effectively, {FEW:g} are enough"
+        out = [Diagnostic(severity, text + (": take more, or a narrower prior." if severity else "."), "draws", number)]
+        ends = self.weights.sum(axis=(0, 2, 3))[[0, -1]].sum()
+        if ends > 0.01:
+            text = f"{ends:.2g} of the posterior lies at the ends of the prior of {SCATTERED}."
+            out.append(Diagnostic(CAUTION, text))
+        return out
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Diagnostics that speak against the result."""
+        return tuple(diagnostic.message for diagnostic in self.diagnostics if diagnostic.severity)
+
+    @property
+    def title(self) -> str:
+        """Number of tests, and what the block is."""
+        tests, over = int(self.counted.sum()), int(self.observed[self.counted].sum())
+        texts = [f"{name.replace('_', ' ')} {row[0]:.3g}" for name, row in self.posterior.items() if name != "stray"]
+        return f"{tests} tests, {over} overturned: {', '.join(texts)}"
+
+    def dataset(self) -> Dataset:
+        """Return a row for each motion: predicted probability with its limits, the outcome, and whether it counted.
+
+        An outcome counts where the posterior takes the test into account.
+        """
+        return Dataset(
+            {
+                "probability": ("motion", self.predicted.probability),
+                "low": ("motion", self.predicted.low),
+                "high": ("motion", self.predicted.high),
+                "observed": ("motion", self.observed),
+                "counted": ("motion", self.counted),
+            },
+            {"motion": self.motion},
+            rows=("motion",),
+        )
+
+    def plot(self) -> Any:
+        """Draw prior and posterior of the critical angle, and outcomes over predicted probability."""
+
+        def angle(_, axes):
+            """Draw the densities of the median critical angle."""
+            medians, mass = self.axes[SCATTERED], self.weights.sum(axis=(0, 2, 3))
+            axes.fill_between(medians, mass / np.gradient(medians), color=COLOURS[0], alpha=0.4, label="posterior")
+            axes.plot(medians, distribution_of(SCATTERED, self.prior[SCATTERED]).pdf(medians), "k:", label="prior")
+            axes.set(xlabel="median critical angle, rad", ylabel="density")
+            axes.legend(fontsize=8)
+
+        return figure_of(angle, lambda _, axes: reliability_panel(axes, self.probability, self.observed))
+
+
+def _limits(values, weights):
+    """Return median and 95 % limits of values (n,) with weights (n,)."""
+    order = np.argsort(values)
+    shares = np.cumsum(weights[order]) - 0.5 * weights[order]
+    middle, low, high = np.interp([0.5, 0.025, 0.975], shares, values[order])
+    return float(middle), float(low), float(high)
