@@ -18,7 +18,8 @@ from fpk_rocking.horizon.plane import PlaneMap, SurvivalEstimate
 from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
-from fpk_rocking.results.grids import joint_edges, shown_edges
+from fpk_rocking.results.grids import joint_edges
+from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.scene.parts import Start

@@ -4,7 +4,6 @@ Times are whole forcing cycles, or times of their own where the forcing does not
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -130,42 +129,6 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
     velocity += 4.0 * math.sqrt(equivalent_diffusion(scene.noise, scene.block.critical_angle))
     return _edges(cut_off), _edges(velocity)
-
-
-def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> list[np.ndarray]:
-    """Bin edges for pictures: where the probability is, neither too few nor too many.
-
-    Parameters
-    ----------
-    edges : pair of ndarray
-        Of bins in angle and velocity.
-    probabilities : ndarray, shape (angle bins, velocity bins)
-    least : int
-        Bins an axis that are wanted; 0 where none may be cut.
-
-    Returns
-    -------
-    list of two ndarray
-        The edges around all but 1e-3 of the probability on each axis, a bin more on either side; cut into equal parts
-        where these are fewer than `least`, merged where they are more than 96.
-    """
-    masses = np.maximum(probabilities, 0.0)
-    return [_cut_or_merged(edges[axis], masses.sum(axis=1 - axis), least) for axis in (0, 1)]
-
-
-def _cut_or_merged(edges, masses, least):
-    """Edges (m,) around most of the masses (bins,), cut into at least `least` bins or merged into at most 96.
-
-    `edges` (bins + 1,) are those of the masses.
-    """
-    below = np.cumsum(masses) / max(masses.sum(), np.finfo(float).tiny)
-    first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
-    inner = edges[max(first - 1, 0) : min(last, masses.size - 1) + 3]
-    count = inner.size - 1
-    if count < least:
-        parts = -(-least // count)
-        return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), inner)
-    return np.append(inner[: -1 : -(-count // 96)], inner[-1])
 
 
 def _edges(bound) -> np.ndarray:

@@ -18,7 +18,6 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, ArrayLike, File
 from fpk_rocking.base.files import replaced_atomically
-from fpk_rocking.results.grids import shown_edges
 from fpk_rocking.scene.scene import Scene
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")
@@ -240,6 +239,42 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
 
     panels = {"survival": survival, "bins": bins, "density": density}
     return [panels[name] for name in ([what] if what else ["survival", "bins"])]
+
+
+def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> list[np.ndarray]:
+    """Bin edges for pictures: where the probability is, neither too few nor too many.
+
+    Parameters
+    ----------
+    edges : pair of ndarray
+        Of bins in angle and velocity.
+    probabilities : ndarray, shape (angle bins, velocity bins)
+    least : int
+        Bins an axis that are wanted; 0 where none may be cut.
+
+    Returns
+    -------
+    list of two ndarray
+        The edges around all but 1e-3 of the probability on each axis, a bin more on either side; cut into equal parts
+        where these are fewer than `least`, merged where they are more than 96.
+    """
+    masses = np.maximum(probabilities, 0.0)
+    return [_cut_or_merged(edges[axis], masses.sum(axis=1 - axis), least) for axis in (0, 1)]
+
+
+def _cut_or_merged(edges, masses, least):
+    """Edges (m,) around most of the masses (bins,), cut into at least `least` bins or merged into at most 96.
+
+    `edges` (bins + 1,) are those of the masses.
+    """
+    below = np.cumsum(masses) / max(masses.sum(), np.finfo(float).tiny)
+    first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
+    inner = edges[max(first - 1, 0) : min(last, masses.size - 1) + 3]
+    count = inner.size - 1
+    if count < least:
+        parts = -(-least // count)
+        return np.interp(np.arange(parts * count + 1) / parts, np.arange(count + 1), inner)
+    return np.append(inner[: -1 : -(-count // 96)], inner[-1])
 
 
 def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:

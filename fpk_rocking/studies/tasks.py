@@ -11,8 +11,8 @@ from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.solver import solve_fpk
 from fpk_rocking.scene.scene import Scene
-from montecarlo import simulate
 from montecarlo.engines import engine_of, engines_for, task_of
+from montecarlo.simulation import simulate
 
 
 def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
