@@ -81,7 +81,10 @@ def _scatters(draws):
 
 
 def _picture(panel, meaning):
-    """Return a picture in HTML, drawn by a function of figure and axes."""
+    """Return a picture as HTML text, drawn by `panel`, a function of a figure and its axes.
+
+    `meaning` is a text for those who do not see it.
+    """
     return picture_html(figure_of(panel), meaning, dots=150)
 
 
@@ -266,7 +269,8 @@ def draw_contributions(axes: Any, risk: Any) -> None:
 def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None:
     """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak.
 
-    A figure gets a height by the number of motions.
+    `axes`: matplotlib axes; scenes whose block has no size are left out. A `figure`, if any, gets a height by the number
+    of motions.
     """
     motions = [scene for scene in scenes if scene.block.size is not None]
     if figure is not None:

@@ -49,7 +49,11 @@ class Intensities(NamedTuple):
     relative_velocity: float
 
     def columns(self, scale: float) -> dict[str, float]:
-        """Return the measures at a scale by names that say their units, for tables."""
+        """Return the measures times a scale, a factor of the forcing, by name, for tables.
+
+        Names: "acceleration", "velocity", "relative_velocity" (nondimensional), "pga_g" and "pgv_m_per_s" (nan for a
+        block without dimensions).
+        """
         return {
             "acceleration": scale * self.acceleration,
             "velocity": scale * self.velocity,
@@ -203,24 +207,25 @@ def recorded_scenes(
     ----------
     scene : Scene
         Its forcing is replaced; it stays where there are no motions.
-    records : sequence of Record, str or pathlib.Path
-        Motions, or files that `Record.from_file` reads.
+    records : sequence of Forcing, str or pathlib.Path
+        Motions, or files that `Record.from_file` reads. Empty: the scene's own forcing.
     units : str, optional
         Unit of the records where their files do not say it.
     baseline : {"none", "mean", "linear", "high-pass"}, optional
         Correction of all records, that of the scene included; by default each keeps its own.
     corner_hz : float, optional
-        Corner of the correction "high-pass", Hz; by default each keeps its own.
+        Corner of the correction "high-pass", Hz; by default each keeps its own. Refused where none has that correction.
 
     Returns
     -------
     list of Scene
+        One for each motion, in order; corrections are of those that are a `Record`.
 
     Raises
     ------
     TypeError, ValueError, OSError
-        A parameter or a file is refused; or no file lacks a unit and none has the given one; or a baseline is to be
-        corrected where there is no record.
+        A parameter or a file is refused; or `units` is stated, all files say their unit, and it is none of these; or a
+        baseline is to be corrected where there is no record.
     """
     files = [motion for motion in records if not isinstance(motion, Forcing)]
     read = {str(file): Record.from_file(file, units_if_unstated=units) for file in files}

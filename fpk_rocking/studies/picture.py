@@ -164,7 +164,11 @@ def _half(scale, probability):
 
 
 def small_figure(result: Any) -> Any:
-    """Return a figure of overturning over a parameter, or of the first curves, with the number of all."""
+    """Return a matplotlib figure of a `Fragility`: the probability of overturning over scale and a parameter.
+
+    Where no parameter is varied, or there is one scale or one place, it has the first three curves, side by side; the
+    title says how many there are if they are more.
+    """
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
         return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
     events, count = range(len(result.names)), len(result.place)

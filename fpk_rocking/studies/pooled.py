@@ -297,7 +297,12 @@ class IntensityCurve(Result):
 
 
 def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng):
-    """Return fields of the curve for a motion drawn from the population of those of some rows (m, n)."""
+    """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows.
+
+    `capacities` are those of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
+    realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. "sources" has
+    (part of the dispersion, its error) by name, and is missing where there is no fit.
+    """
     mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
     fields = {"probability": mean, "units": units, "replicates": np.empty((0, 2)), "interval": _binomial(mean, units)}
     searched = not capacities.noise and np.isin(capacities.error, [0.0, math.inf]).all() and not capacities.error.all()

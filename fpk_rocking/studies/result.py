@@ -342,7 +342,10 @@ class Fragility(Saved, Result):
         return columns
 
     def plot(self) -> Any:
-        """Draw the curves with their fits, or the surface over a parameter; returns a matplotlib figure."""
+        """Draw the first three curves with their fits, or the surface over a parameter; returns a matplotlib figure.
+
+        The title says how many curves there are, where they are more.
+        """
         from fpk_rocking.studies.picture import small_figure
 
         return small_figure(self)
