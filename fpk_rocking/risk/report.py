@@ -269,8 +269,8 @@ def draw_contributions(axes: Any, risk: Any) -> None:
 def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None:
     """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak.
 
-    `axes`: matplotlib axes; scenes whose block has no size are left out. A `figure`, if any, gets a height by the number
-    of motions.
+    `axes`: matplotlib axes; scenes whose block has no size are left out. A `figure`, if any, gets a height by the
+    number of motions.
     """
     motions = [scene for scene in scenes if scene.block.size is not None]
     if figure is not None:
