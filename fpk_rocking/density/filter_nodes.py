@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.basis import gauss_legendre
-from fpk_rocking.density.resolution import Discretization
+from fpk_rocking.density.resolution import Discretization, periods_per_cycle
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.state_space import transition_and_factor
 
@@ -243,7 +243,7 @@ def filtered_discretization(scene, plane, number):
     """
     space = scene.noise.space
     states, fastest = space.order, float(np.abs(space.rates.imag).max())
-    periods = 2 if scene.forcing.half_antisymmetric else 1
+    periods = periods_per_cycle(scene)
     # Piecewise constant noise that swings faster than that would alias.
     steps = math.ceil(max(plane.steps, scene.period * fastest / TUNING.filter_turn) / periods)
     if not may_rest(scene):
@@ -350,7 +350,7 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     """
     from scipy.integrate import solve_ivp  # takes longer to import than all else here
 
-    alpha, forcing, size = dynamics.critical_angle, dynamics.forcing, 2 + len(nodes.drift)
+    alpha, forcing, size = dynamics.block.critical_angle, dynamics.forcing, 2 + len(nodes.drift)
     rate, source = np.zeros((size, size)), np.zeros((size, size))
     rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
 

@@ -40,6 +40,7 @@ from fpk_rocking.density.step.free_flight import angle_remap_of
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, mark_massive_cells, with_neighbours
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import periodic
+from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
@@ -65,7 +66,7 @@ class FilteredStart:
         push = self._mean[0] or self._mean[1] or scene.forcing.value(0.0)
         self.side = 1 if push > 0.0 else -1
         self._moments = None
-        if dynamics.critical_angle is not None:
+        if dynamics.block.critical_angle is not None:
             self._moments = exact_moments(dynamics, nodes, self._mean, self._covariance, scene.period, self.side)
 
     @property
@@ -91,7 +92,7 @@ class FilteredStart:
         """Whether nothing can have happened by a `time`: the block is far from x = 0 and from the cut-off."""
         mean, covariance = self.at(time)
         reach = TUNING.filtered_reach * math.sqrt(covariance[0, 0])
-        return reach < self.side * mean[0] < self.dynamics.cutoff - reach
+        return reach < self.side * mean[0] < self.dynamics.block.cutoff - reach
 
     def takeover_step(self, space: Space, begins: Array) -> int:
         """Return the number of the step before which the mesh takes over: resolved, or the last without an event.
@@ -223,9 +224,7 @@ class FilteredPropagator(CyclicPropagator):
 
         `constant` is that force, nondimensional, in units of the forcing.
         """
-        forcing, block = periodic(self.scene.forcing).with_constant(constant), self.scene.block
-        common = forcing, 0.0, block.restitution_by_side[0], self.scene.overturning.angle
-        return Dynamics(*common, critical_angle=block.critical_angle or None)
+        return Dynamics(periodic(self.scene.forcing).with_constant(constant), 0.0, block_of_scene(self.scene))
 
     def _steps_at_nodes(self, k):
         """Return the `Step` with number k of the symmetry period at each node of y1, a list.

@@ -80,13 +80,14 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     """
     from scipy.integrate import DOP853  # takes longer to import than all else here
 
-    alpha, forcing, envelope = dynamics.critical_angle, dynamics.forcing, dynamics.envelope
+    block, forcing, envelope = dynamics.block, dynamics.forcing, dynamics.envelope
+    alpha, saddle, scale = block.critical_angle, block.saddles[side > 0], block.scales[side > 0]
 
     def rates(time, state):
         """Time derivatives of the means x, v and the covariances xx, xv, vv, `state`, at a `time`."""
         x, v, xx, xv, vv = state
-        phi, force = alpha * (1.0 - side * x), forcing.value(time)
-        sine, cosine = math.sin(phi), math.cos(phi)
+        phi, force = alpha * (saddle - side * x), forcing.value(time)
+        sine, cosine = scale * math.sin(phi), scale * math.cos(phi)
         stiff = cosine + side * force * alpha * sine
         noise = 2.0 * dynamics.diffusion * cosine**2
         if envelope is not None:

@@ -2,8 +2,8 @@
 
 `PeriodicPropagator` below, `transient` and `filtered` each know one kind of scene: how its density begins, and how a
 step changes it. Where a scene repeats, the steps of a symmetry period are set up once and serve all cycles. Where the
-forcing is its own mirror image half a cycle later, the symmetry period is half a cycle: its steps serve the other half
-too, with the density reflected, (x, v) -> (-x, -v). Else it is the whole cycle.
+forcing is its own mirror image half a cycle later, and the sides of the block are equal, the symmetry period is half a
+cycle: its steps serve the other half too, with the density reflected, (x, v) -> (-x, -v). Else it is the whole cycle.
 """
 
 import abc
@@ -15,7 +15,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.density.patches import initial_density
-from fpk_rocking.density.resolution import Discretization
+from fpk_rocking.density.resolution import Discretization, periods_per_cycle
 from fpk_rocking.density.space import Space, reflected
 from fpk_rocking.density.startup import StartUp, takeover_step
 from fpk_rocking.density.step.dynamics import Dynamics
@@ -311,7 +311,7 @@ class PeriodicPropagator(CyclicPropagator):
 
     def __init__(self, scene, discretization, negligible, coarse=None):
         self.dynamics, self.duration = Dynamics.of(scene), scene.period / discretization.steps
-        count = discretization.steps // (2 if scene.forcing.half_antisymmetric else 1)
+        count = discretization.steps // periods_per_cycle(scene)
         step_begins = np.arange(count + 1) * self.duration
         super().__init__(scene, discretization, discretization, negligible, step_begins, coarse)
         self.steps = [self._step(begin) for begin in step_begins[:-1].tolist()]

@@ -20,7 +20,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, Progress, not_none
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filter_nodes import spread_left
-from fpk_rocking.density.resolution import Discretization, cycle_of
+from fpk_rocking.density.resolution import Discretization, cycle_of, periods_per_cycle
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics
@@ -217,8 +217,11 @@ def refuse_unsolvable(scene: Scene) -> None:
     It is out of range, without noise, of too many states of a filter, or with infinitely many impacts.
     """
     limits.check(scene)
-    scene.block.require_symmetric("the density")
     noise = scene.noise
+    if noise.kind == "filtered":
+        scene.block.require_symmetric("the density under filtered noise")
+    if not scene.repeats:
+        scene.block.require_symmetric("the density under a forcing that does not repeat")
     if noise.kind == "filtered" and noise.space.order > 2:
         accepted = (
             "filters of up to 2 states, each of which is one more variable of the density; use Monte "
@@ -228,7 +231,7 @@ def refuse_unsolvable(scene: Scene) -> None:
     if (noise.diffusion if noise.kind == "white" else noise.variance) == 0.0:
         accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
         raise ValueError(f"noise: got none, accepted: {accepted}")
-    if noise.kind == "white" and scene.block.restitution_by_side[0] <= CRITICAL_RESTITUTION:
+    if noise.kind == "white" and math.prod(scene.block.restitution_by_side) <= CRITICAL_RESTITUTION**2:
         accepted = (
             f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
             "time and the motion after them is not defined; use Monte Carlo under band noise, or "
@@ -360,7 +363,7 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
     traces = [Characteristics(space, begin, duration, dynamics, rule, cells=False) for begin in begins.tolist()]
     paths = np.mean([trace.event_cells.sum() for trace in traces]) * rule.angle * rule.velocity * rule.long * rule.short
     steps = times[-1] / duration
-    different = discretization.steps / (2.0 if scene.forcing.half_antisymmetric else 1.0) if scene.repeats else steps
+    different = discretization.steps / periods_per_cycle(scene) if scene.repeats else steps
     path = TUNING.seconds_exact_path if scene.block.critical_angle else TUNING.seconds_path
     preparation = paths * path + space.unknowns * TUNING.seconds_preparation
     application = paths * TUNING.seconds_deposit + space.unknowns * TUNING.seconds_flight

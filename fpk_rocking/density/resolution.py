@@ -75,7 +75,7 @@ def explore(white, times):
     sides = np.sign(np.where(states[:, 0], states[:, 0], states[:, 1]))
     # The integers that a side is in every other kernel: of others the paths would be compiled once more.
     sides = np.where(sides, sides, np.sign(white.forcing.value(0.0)) or 1.0).astype(np.int64)
-    reached = [np.array([[dynamics.cutoff, 1.0]])]
+    reached = [np.array([[dynamics.block.cutoff, 1.0]])]
     for segment, duration, diffusion, axes in _exploratory_steps(white, dynamics, times):
         nodes = _normal_pairs(random)
         follow(states, sides, segment, dynamics.block, Noise(duration, diffusion, nodes, nodes @ axes, 0.0))
@@ -306,6 +306,11 @@ class Resolution:
 def cycle_of(scene):
     """Time in which steps are counted: a cycle, or that of the main scene where the forcing does not repeat."""
     return scene.period or TUNING.main_period
+
+
+def periods_per_cycle(scene):
+    """Symmetry periods in a cycle of a scene that repeats: 2 where its second half is the mirror image of the first."""
+    return 2 if scene.forcing.half_antisymmetric and scene.block.symmetric else 1
 
 
 def _even(number):

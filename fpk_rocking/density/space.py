@@ -15,6 +15,7 @@ import numpy as np
 from fpk_rocking.base.basis import find_cells, gauss_legendre, legendre_basis, locate
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.block import largest_correction
+from fpk_rocking.physics.motion.equation import block_of_scene
 
 
 def graded_lines(half_width, cells, exponent):
@@ -76,6 +77,20 @@ def patch_lines(low, high, cells):
     return size * np.arange(first, last + 1)
 
 
+def exact_correction(scene):
+    """Bound of what the acceleration of a scene's block has beyond x - s m + f, with the saddle m; 0 if slender."""
+    block = block_of_scene(scene)
+    sides = zip(block.saddles, block.scales, strict=True)
+    return max(largest_correction(scene.forcing.largest, block.critical_angle, *side) for side in sides)
+
+
+def escape_speed(scene, diffusion):
+    """Speed outward above which a block surely overturns, but for `deviations` of the noise; `diffusion` is D."""
+    noise = TUNING.deviations * math.sqrt(diffusion)
+    farthest = max(*block_of_scene(scene).saddles, scene.overturning.angle - 1.0)
+    return farthest + scene.forcing.swing + exact_correction(scene) + noise
+
+
 def velocity_bound(scene, diffusion):
     """Velocity that is passed only by blocks bound to overturn, and by `deviations` of the noise of a scene.
 
@@ -84,12 +99,8 @@ def velocity_bound(scene, diffusion):
     from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact block has
     beyond a slender one moves the separatrix by no more than the bound of it, as it grows like e^τ.
     """
-    forcing, start, exact = (
-        scene.forcing,
-        scene.start,
-        largest_correction(scene.forcing.largest, scene.block.critical_angle),
-    )
-    bound = max(1.0, scene.overturning.angle - 1.0) + forcing.swing + exact + TUNING.deviations * math.sqrt(diffusion)
+    forcing, start, exact = scene.forcing, scene.start, exact_correction(scene)
+    bound = escape_speed(scene, diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     outward = abs(start.velocity) + TUNING.deviations * math.sqrt(vv)
     position, slope = forcing.particular(0.0)

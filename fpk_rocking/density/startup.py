@@ -58,7 +58,7 @@ class StartUp:
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
-        self._exact = dynamics.critical_angle is not None
+        self._exact = dynamics.block.critical_angle is not None
         self._flight = exact_flight(self._initial, dynamics, self.longest, self._side) if self._exact else None
         self._longest_flight = TUNING.exact_flight * settings.growth if self._exact else math.inf
         self._noise_time = self._initial.covariance[1, 1] / (2.0 * dynamics.averaged_over(0.0, 1e-9 * period).diffusion)
@@ -69,7 +69,7 @@ class StartUp:
     def starts_at_rest(self):
         """Whether the block is at rest and the forcing does not lift it off."""
         still = not self._initial.mean.any() and not self._initial.covariance.any()
-        return still and abs(self.dynamics.forcing.value(0.0)) <= self.dynamics.lift_off
+        return still and self.dynamics.rest_gap(0.0) >= 0.0
 
     def flight(self, time):
         """`Gaussian` at a `time` since the start of a flight in which nothing happens."""
@@ -118,7 +118,7 @@ class StartUp:
     def undisturbed(self, gaussian):
         """Whether a `Gaussian` is on the side of the start, and keeps away from x = 0 and the cut-off."""
         reach = self.settings.reach * math.sqrt(gaussian.covariance[0, 0])
-        return reach < self._side * gaussian.mean[0] < self.dynamics.cutoff - reach
+        return reach < self._side * gaussian.mean[0] < self.dynamics.block.cutoff - reach
 
     def project(self, end, target: Space):
         """Density at a time `end` on a mesh: coefficients (``target.shape``), and the outflow (3,) since the start."""
@@ -151,7 +151,7 @@ class StartUp:
         quiet = free >= duration
         duration, dynamics = max(free, duration), self.dynamics
         characteristics = self._characteristics(now, duration, quiet)
-        target = next_patch(self.settings, characteristics, now.coefficients, dynamics.cutoff)
+        target = next_patch(self.settings, characteristics, now.coefficients, dynamics.block.cutoff)
         coefficients, outflow = Step(characteristics, target).apply(now.coefficients)
         # Masses of either sign that together are a hundred times all of it: the density grows without bound.
         if not np.abs(target.masses(coefficients)).sum() < 100.0:
@@ -167,7 +167,7 @@ class StartUp:
         `now` is the `PatchDensity` at its begin, and `quiet` tells that no path meets an event within its `duration`.
         """
         # A block that the forcing cannot lift off rattles: many short steps follow, of one Gauss point more.
-        rattles = abs(self.dynamics.forcing.value(now.time)) <= self.dynamics.lift_off
+        rattles = self.dynamics.rest_gap(now.time) >= 0.0
         points, noise = self.settings.points + rattles, TUNING.free_patch_nodes if quiet else TUNING.patch_nodes
         active = np.abs(now.coefficients).max(axis=(2, 3)) * now.patch.areas > TUNING.no_mass
         rule = Quadrature(points, points, *noise)
@@ -175,7 +175,7 @@ class StartUp:
 
     def _on_patch(self, time):
         """`PatchDensity` of the Gaussian of a flight in which nothing happens, at a `time`, on a patch of its own."""
-        gaussian, cutoff = self.flight(time), self.dynamics.cutoff
+        gaussian, cutoff = self.flight(time), self.dynamics.block.cutoff
         patch = patch_of(self.settings, gaussian.mean, gaussian.covariance, cutoff)
         coefficients, tails = patch.project(gaussian, self.settings.points + 1), gaussian.tails(cutoff)
         missing = 1.0 - sum(tails) - patch.masses(coefficients).sum()
@@ -204,7 +204,7 @@ class StartUp:
         """
         if not self._exact:
             return False
-        alpha, force = self.dynamics.critical_angle, self.dynamics.forcing.largest
+        alpha, force = self.dynamics.block.critical_angle, self.dynamics.forcing.largest
         # The mean moves by about the curvature α² (1 + |f|), times an eighth of the variance, times t².
         shift = 0.125 * alpha**2 * (1.0 + force) * gaussian.covariance[0, 0] * time**2
         return shift > TUNING.bent_gaussian * self.settings.growth
@@ -218,7 +218,7 @@ class StartUp:
         """
         time, growth = now.time, self.settings.growth
         dynamics = self.dynamics.averaged_over(time, 1e-6 * self._cycle)
-        gap, change = dynamics.lift_off - abs(dynamics.forcing.value(time)), abs(dynamics.forcing.slope(time))
+        gap, change = dynamics.rest_gap(time), abs(dynamics.forcing.slope(time))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
             part = TUNING.rattle_step * lifting
@@ -235,7 +235,7 @@ class StartUp:
 
     def _rattles(self, now, duration):
         """Whether mass of a `PatchDensity` that matters may come to rest at x = 0 within a step of a `duration`."""
-        slow = max(self.dynamics.lift_off - abs(self.dynamics.forcing.value(now.time)), 0.0) * duration
+        slow = max(self.dynamics.rest_gap(now.time), 0.0) * duration
         slow += self.settings.reach * math.sqrt(
             2.0 * self.dynamics.averaged_over(now.time, duration).diffusion * duration
         )
@@ -253,6 +253,7 @@ class StartUp:
         dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
         for duration in longest * 0.5 ** np.arange(7):
             reach = self.settings.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
+            reach *= dynamics.largest_factor
             segment = dynamics.segment(now.time, duration)
             events = event_cells(*patch.lines, segment, duration, dynamics.block, (reach, math.inf))
             if masses[events].sum() < TUNING.no_mass:
@@ -288,7 +289,7 @@ def _drift_time(dynamics: Dynamics):
     D and the force f, at τ = 0, are those of the `Dynamics`; nondimensional, at most 1.
     """
     dynamics = dynamics.averaged_over(0.0, 1e-9)
-    drift = abs(abs(dynamics.forcing.value(0.0)) - dynamics.lift_off)
+    drift = abs(dynamics.rest_gap(0.0))
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
     return min(steady, _crossing_time(dynamics, dynamics.forcing.steepest), 1.0)
 

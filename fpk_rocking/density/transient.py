@@ -13,7 +13,8 @@ All this holds for hops that are short beside the time in which the force change
 under |f| < 1, in step with the force, and neither they nor a layer that reaches so far may stick.
 
 At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F), where F = tan α/α is the force that lifts it off. So it
-is a slender one under f/F and noise of D/F², with angles and velocities over sin α/α.
+is a slender one under f/F and noise of D/F², with angles and velocities over sin α/α. Bodies of unequal sides are
+refused (`refinement.refuse_unsolvable`).
 """
 
 import dataclasses
@@ -22,7 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.checks import Array
+from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.density.propagator import Propagator, Snapshot
 from fpk_rocking.density.resolution import cycle_of, in_rest
 from fpk_rocking.density.space import Space
@@ -50,7 +51,8 @@ class Sticking:
 
     def __init__(self, dynamics: Dynamics, end, forgetting):
         self._edges = np.linspace(0.0, end, max(math.ceil(end / TUNING.sticking_interval), 2) + 1)
-        alpha, level = dynamics.critical_angle, dynamics.lift_off
+        restitution, alpha = not_none(dynamics.block.restitution), dynamics.block.critical_angle
+        level = dynamics.lift_off
         self._gravity = gravity_at_contact(alpha)
         values = np.array([dynamics.forcing.value(time) for time in self._edges]) / level
         forces = np.abs(values)
@@ -58,8 +60,8 @@ class Sticking:
         noise = dynamics.diffusion / level**2 * np.ones(len(most))
         if dynamics.envelope is not None:
             noise *= np.diff(dynamics.envelope.squared_integral(self._edges)) / np.diff(self._edges)
-        loss, gap = 1.0 - dynamics.restitution**2, 1.0 - most**2
-        pull, steady = 3.0 * loss * gap, self._steady(values, 1.0 - most, 1.0 - dynamics.restitution)
+        loss, gap = 1.0 - restitution**2, 1.0 - most**2
+        pull, steady = 3.0 * loss * gap, self._steady(values, 1.0 - most, 1.0 - restitution)
         over = np.array([saddle_speed(level * force, alpha) for force in most]) / self._gravity
         slow = np.minimum(TUNING.rest_velocity / self._gravity, steady)
         inside = 4.0 * noise <= pull * (slow / TUNING.layer_inside)
@@ -69,7 +71,7 @@ class Sticking:
         self._lifting = most >= 1.0
         forgotten = self._until_lift_off(rate)
         self._sticks = ~self._lifting & inside & safe & (forgotten >= forgetting)
-        self._stopping = self._fastest_to_stop(0.8 * 0.5 * (1.0 - dynamics.restitution) * gap, steady)
+        self._stopping = self._fastest_to_stop(0.8 * 0.5 * (1.0 - restitution) * gap, steady)
 
     def _steady(self, forces, pull, loss):
         """Speeds (n,) up to which hops die out under a changing force, inf where it does not change.

@@ -1,7 +1,8 @@
 """The one-cycle operator on one mesh, made of the solver's own steps, and its refinement to a tolerance.
 
-Where the forcing is its own mirror image half a cycle later, (x, v) -> (-x, -v), the symmetry period is that half: with
-H the map over it and R the reflection, a cycle is R H R H = K², K = R H. Else it is the whole cycle, K = H.
+Where the forcing is its own mirror image half a cycle later, (x, v) -> (-x, -v), and the sides of the block are equal,
+the symmetry period is that half: with H the map over it and R the reflection, a cycle is R H R H = K², K = R H. Else it
+is the whole cycle, K = H.
 """
 
 import functools
@@ -13,10 +14,9 @@ from fpk_rocking.base import checks
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.refinement import SOLUTIONS, Level, refine, warn_beyond
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore, resolutions_for
-from fpk_rocking.density.space import reflected, velocity_bound
+from fpk_rocking.density.space import escape_speed, exact_correction, reflected, velocity_bound
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon.modes import Powers, leading_modes
-from fpk_rocking.physics.motion.block import largest_correction
 
 
 class MeshOperator:
@@ -358,14 +358,9 @@ def bound_for_all_phases(white):
     is bounded by the cut-off, the swing of the forcing and eight standard deviations of the noise (derived in
     docs/theory, "One cycle as an operator").
     """
-    swing, cutoff, noise = (
-        white.forcing.swing,
-        white.overturning.angle,
-        TUNING.deviations * math.sqrt(white.noise.diffusion),
-    )
-    exact = largest_correction(white.forcing.largest, white.block.critical_angle)
-    escape = max(1.0, cutoff - 1.0) + swing + exact + noise
-    return escape / white.block.restitution + cutoff + 2.0 * swing + exact + noise
+    noise = TUNING.deviations * math.sqrt(white.noise.diffusion)
+    least, escape = min(white.block.restitution_by_side), escape_speed(white, white.noise.diffusion)
+    return escape / least + white.overturning.angle + 2.0 * white.forcing.swing + exact_correction(white) + noise
 
 
 def _largest(coefficients):

@@ -94,7 +94,6 @@ class CycleOperator(Result, LinearOperator):
         refuse_transient(scene.forcing, "the operator of a cycle")
         refuse_envelope(scene.noise, "the operator of a cycle")
         refuse_filtered(scene)
-        scene.block.require_symmetric("the operator of a cycle")
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
         self.noise_replacement = describe_replacement(scene, self._white)

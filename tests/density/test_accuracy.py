@@ -15,11 +15,12 @@ from fpk_rocking.density.patches import Gaussian
 from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.flight import shear_diffusion_variances
 from fpk_rocking.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)
-CALM = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, 0.5, 6.0)
+CALM = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, KernelBlock(0.5, 6.0))
 AWAY = Gaussian((2.0, -0.6), [[0.03, 0.003], [0.003, 0.04]])
 
 
@@ -94,14 +95,14 @@ def test_diffusions_have_the_covariance_of_the_flight(duration):
     covariance = (
         small * np.outer(early, early) + velocity_shear * np.outer(middle, middle) + small * np.outer(late, late)
     )
-    truth = flight_noise(Dynamics(Harmonic(0.0, 1.0, 0.0), 0.7, 0.5, 1.0), duration)
+    truth = flight_noise(Dynamics(Harmonic(0.0, 1.0, 0.0), 0.7, KernelBlock(0.5, 1.0)), duration)
     assert covariance == pytest.approx(truth, rel=1e-9 if duration > 0.01 else 1e-5, abs=0.0)
 
 
 @pytest.mark.parametrize("start", [0.0, 0.7, 1.9])
 def test_mass_that_crosses_zero_or_overturns_is_balanced(start):
     """One step of a Gaussian astride x = 0 that reaches both cut-offs; all that is not inside is in the sinks."""
-    dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, 1.2)
+    dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, KernelBlock(0.5, 1.2))
     space = Space(graded_lines(1.2, 20, 1.5), graded_lines(3.5, 24, 1.3), 3)
     coefficients = space.project(Gaussian((0.02, 0.1), [[0.25, 0.02], [0.02, 0.6]]), 8)
     after, sinks = Step(Characteristics(space, start, 0.15, dynamics, QUADRATURE), space).apply(coefficients)
@@ -113,7 +114,7 @@ def test_mass_that_crosses_zero_or_overturns_is_balanced(start):
 
 def test_mass_that_overturns_as_a_whole_is_in_the_sink():
     """Nothing of this window is left after the step: no column of it lands anywhere."""
-    dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, 1.2)
+    dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, KernelBlock(0.5, 1.2))
     window = Space(np.linspace(0.8, 1.2, 17), np.linspace(6.0, 9.0, 9), 3)
     coefficients = window.project(Gaussian((1.0, 7.5), [[1e-3, 0.0], [0.0, 0.04]]), 8)
     for target in (window, Space(np.linspace(-1.2, 1.2, 9), np.linspace(-4.0, 4.0, 9), 3)):

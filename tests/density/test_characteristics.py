@@ -16,10 +16,11 @@ from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature
 from fpk_rocking.physics.motion import impact as saltation
+from fpk_rocking.physics.motion.equation import KernelBlock
 
 START, DURATION, TIME = 0.0, 0.25, 0.13
 AMPLITUDE, FREQUENCY, PHASE = 4.6, 2.7, math.pi - 1.0
-DYNAMICS = Dynamics(Harmonic(AMPLITUDE, FREQUENCY, PHASE), 0.0, 0.6, 10.0)
+DYNAMICS = Dynamics(Harmonic(AMPLITUDE, FREQUENCY, PHASE), 0.0, KernelBlock(0.6, 10.0))
 DIRECTIONS = ((0.7, 0.7), (-0.7, 0.7), (0.8, -0.2), (-0.4, -0.6), (0.3, 1.0))
 
 
@@ -32,7 +33,9 @@ def forcing(time):
 def expansion(displacement, time, speed, side, duration=DURATION):
     """Displacement at the end and whether the impact came within the step, by the kernel."""
     impact = saltation.linearize_impact(speed, side, *forcing(START + time), DYNAMICS.block)
-    return saltation.displacement_through_impact(*displacement, time, duration - time, impact, DYNAMICS.block)
+    return saltation.displacement_through_impact(
+        *displacement, time, duration - time, impact, DYNAMICS.block.restitution
+    )
 
 
 def flown(displacement, time, speed, side):
@@ -68,7 +71,7 @@ def test_the_error_is_what_the_fourth_derivatives_leave():
     for direction in DIRECTIONS:
         displacement = size * np.array(direction)
         late = -displacement[0] / (speed + displacement[1])
-        missing = late**3 / 6.0 * (DYNAMICS.restitution * before - after)
+        missing = late**3 / 6.0 * (DYNAMICS.block.restitution * before - after)
         *end, _ = expansion(displacement, TIME, speed, side)
         error = flown(displacement, TIME, speed, side) - end
         assert error == pytest.approx(missing * np.array([math.sinh(rest), math.cosh(rest)]), rel=0.05)
@@ -120,7 +123,7 @@ def test_noise_has_one_diffusion_before_an_impact_and_another_after_it():
     rest, before, after = DURATION - TIME, 2e-3, 5e-3
     met = saltation.linearize_impact(-0.7, 1, *forcing(START + TIME), DYNAMICS.block)
     parts = [
-        saltation.covariance_through_impact(diffusions, TIME, rest, met, DYNAMICS.restitution)
+        saltation.covariance_through_impact(diffusions, TIME, rest, met, DYNAMICS.block.restitution)
         for diffusions in ((before, after), (before, 0.0), (0.0, after))
     ]
     (final, early, _), (first, alone, _), (last, none, _) = parts

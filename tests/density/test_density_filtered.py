@@ -33,6 +33,7 @@ from fpk_rocking.density.refinement import warn_unresolved
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore
 from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -386,7 +387,7 @@ def test_piecewise_constant_noise_is_of_second_order_in_flight():
 )
 def test_a_start_is_at_rest_where_only_noise_can_lift_the_block(start, amplitude, rests):
     scene = Scene(Block(0.5), Harmonic(amplitude, 2.0), FilteredNoise("exponential", 0.01, 1.0), start)
-    dynamics = Dynamics(scene.forcing, 0.0, 0.5, scene.overturning.angle)
+    dynamics = Dynamics(scene.forcing, 0.0, KernelBlock(0.5, scene.overturning.angle))
     assert FilteredStart(scene, Nodes(scene.noise, (3,)), dynamics).at_rest is rests
 
 

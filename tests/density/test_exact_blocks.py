@@ -21,6 +21,7 @@ from fpk_rocking.density.step.characteristics import Noise, displaced, principal
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.transient import Sticking
+from fpk_rocking.physics.motion.equation import KernelBlock, UnequalSides
 from montecarlo import simulate
 
 FORCING = Harmonic(3.6, 2.7, math.pi)
@@ -41,16 +42,16 @@ def with_angle(scene, angle):
     return scene.varied(block=Block(scene.block.restitution, critical_angle=float(angle)))
 
 
-def flown(alpha, forcing, states, duration, diffusion=0.0):
-    """Mean (2, n) and covariance (3, n) after a flight from points on x > 0, to second order in the noise."""
+def flown(alpha, forcing, states, duration, diffusion=0.0, side=1, saddle=1.0, scale=1.0):
+    """Mean (2, n) and covariance (3, n) after a flight from points on a side, to second order in the noise."""
 
     def rates(time, flat):
         x, v, xx, xv, vv = flat.reshape(5, -1)
-        phi, force = alpha * (1.0 - x), forcing.value(time)
-        stiff = np.cos(phi) + alpha * force * np.sin(phi)
-        bend = 0.5 * alpha * (np.sin(phi) - alpha * force * np.cos(phi)) * xx
-        pull = force * np.cos(phi) - np.sin(phi) / alpha + bend
-        spread = 2.0 * stiff * xv + 2.0 * diffusion * np.cos(phi) ** 2
+        phi, force = alpha * (saddle - side * x), forcing.value(time)
+        stiff = scale * (np.cos(phi) + side * alpha * force * np.sin(phi))
+        bend = 0.5 * alpha * scale * (side * np.sin(phi) - alpha * force * np.cos(phi)) * xx
+        pull = scale * (force * np.cos(phi) - side * np.sin(phi) / alpha) + bend
+        spread = 2.0 * stiff * xv + 2.0 * diffusion * (scale * np.cos(phi)) ** 2
         return np.concatenate([v, pull, 2.0 * xv, vv + stiff * xx, spread])
 
     begin = np.concatenate([states, np.zeros((3, len(states[0])))]).ravel()
@@ -66,20 +67,27 @@ def spread_points(mean, covariance, count=12):
     return np.reshape(mean, (2, 1)) + np.linalg.cholesky(covariance) @ pairs, weights
 
 
-@pytest.mark.parametrize("diffusion", [0.0, 0.006])
-def test_flight_is_of_second_order(diffusion):
+UNEQUAL = UnequalSides((1.3, 1.1), (0.8, 1.15), (0.5, 0.6))
+
+
+@pytest.mark.parametrize(
+    ("diffusion", "sides", "side"), [(0.0, None, 1), (0.006, None, 1), (0.006, UNEQUAL, 1), (0.006, UNEQUAL, -1)]
+)
+def test_flight_is_of_second_order(diffusion, sides, side):
     """Moments after a flight in few steps: what is not linear shifts lines, and blurs them where there is noise."""
     alpha, forcing, duration, spread = 0.9, Harmonic(0.7, 3.0, math.pi + 0.4), 0.3, np.diag([0.0025, 0.0025])
     lines = np.array([-2.5, 0.0, *np.arange(0.05, 1.6, 0.07), 2.5]), np.array([-4.0, *np.arange(-1.2, 1.21, 0.07), 4.0])
-    space = Space(*lines, 3)
-    dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
-    points, weights = spread_points([0.65, 0.1], spread)
-    ends, gathered = flown(alpha, forcing, points, duration, diffusion)
+    space = Space(np.sort(side * lines[0]), lines[1], 3)
+    block = KernelBlock(None if sides else 0.5, 2.5, alpha, sides)
+    dynamics, start = Dynamics(forcing, diffusion, block), [side * 0.65, 0.1]
+    points, weights = spread_points(start, spread)
+    own = block.saddles[side > 0], block.scales[side > 0]
+    ends, gathered = flown(alpha, forcing, points, duration, diffusion, side, *own)
     mean = ends @ weights
     wanted = np.concatenate([mean, (ends - mean[:, None]) ** 2 @ weights + gathered[::2] @ weights])
     errors = []
     for steps in (2, 4):
-        now, span = space.project(Gaussian([0.65, 0.1], spread), 12), duration / steps
+        now, span = space.project(Gaussian(start, spread), 12), duration / steps
         for k in range(steps):
             quadrature = Quadrature(5, 5, 5, 2) if diffusion else Quadrature(5, 5, 1, 1, 1)
             now, _ = Step(Characteristics(space, k * span, span, dynamics, quadrature), space).apply(now)
@@ -124,7 +132,7 @@ def test_flight_between_displaced_states_is_of_fourth_order():
 
 def test_an_exact_block_lands_on_another_mesh_only_by_a_trace_made_for_it():
     space, other = (Space(np.linspace(0.5, 0.7, count), np.linspace(-0.1, 0.1, 3), 3) for count in (3, 4))
-    dynamics, quadrature = Dynamics(FORCING, 1e-3, 0.5, 1.5, critical_angle=0.6), Quadrature(2, 2, 2, 2)
+    dynamics, quadrature = Dynamics(FORCING, 1e-3, KernelBlock(0.5, 1.5, 0.6)), Quadrature(2, 2, 2, 2)
     trace = Characteristics(space, 0.0, 0.01, dynamics, quadrature)
     Step(trace, space)
     Step(Characteristics(space, 0.0, 0.01, dynamics, quadrature, to_other_mesh=True), other)
@@ -138,7 +146,7 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
     """A path that leaves x = 0, without noise: what units and the rest of the acceleration leave out."""
     alpha, forcing, errors = 0.6, Harmonic(1.5, 1.5, math.pi - 0.5), []
     for duration in (0.05, 0.025):
-        dynamics = Dynamics(forcing, 1e-3, 0.5, 1.5, critical_angle=alpha)
+        dynamics = Dynamics(forcing, 1e-3, KernelBlock(0.5, 1.5, alpha))
         noise = Noise(duration, dynamics.diffusion, np.zeros((1, 2)), np.zeros((1, 2)), 1.0)
         states, _ = path_ends(0.1, 0.4, 1, dynamics.segment(0.0, duration), dynamics.block, noise)
         wanted, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
@@ -151,7 +159,7 @@ def test_noise_of_a_path_without_events_is_that_half_way_along_it():
     alpha, forcing, diffusion, errors = 0.9, Harmonic(2.0, 2.0, 0.3), 1e-6, []
     nodes, weights = gauss_hermite_product(3, 2)
     for duration in (0.1, 0.05):
-        dynamics = Dynamics(forcing, diffusion, 0.5, 2.5, critical_angle=alpha)
+        dynamics = Dynamics(forcing, diffusion, KernelBlock(0.5, 2.5, alpha))
         offsets = nodes @ np.reshape(principal_axes(*dynamics.covariance(0.0, duration)), (2, 2))
         noise = Noise(duration, diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
         states, codes = path_ends(0.3, 0.4, 1, dynamics.segment(0.0, duration), dynamics.block, noise)
@@ -231,8 +239,8 @@ def test_sticking_is_that_of_a_slender_block_in_units_of_the_level():
     alpha, noise = 0.5, 1e-4
     level, pull = math.tan(alpha) / alpha, math.sin(alpha) / alpha
     forcing = Harmonic(1.2, 0.5, 0.3)
-    exact = Sticking(Dynamics(forcing, noise, 0.6, 1.5, critical_angle=alpha), 12.0, 5.0)
-    slender = Sticking(Dynamics(forcing.scaled(1.0 / level, 1.0), noise / level**2, 0.6, 1.5), 12.0, 5.0)
+    exact = Sticking(Dynamics(forcing, noise, KernelBlock(0.6, 1.5, alpha)), 12.0, 5.0)
+    slender = Sticking(Dynamics(forcing.scaled(1.0 / level, 1.0), noise / level**2, KernelBlock(0.6, 1.5)), 12.0, 5.0)
     times = np.linspace(0.0, 12.0, 101)
     assert [exact.next_lift_off(time) for time in times] == [slender.next_lift_off(time) for time in times]
     held = np.array([[sticking.until(time) for time in times] for sticking in (exact, slender)])

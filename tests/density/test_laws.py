@@ -18,11 +18,12 @@ from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
+from fpk_rocking.physics.motion.equation import KernelBlock
 
 QUADRATURE = Quadrature(6, 6, 5, 2)
-CALM = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.05, 0.5, 6.0)
+CALM = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.05, KernelBlock(0.5, 6.0))
 RESTITUTION = 0.6
-FALL = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, RESTITUTION, 6.0)
+FALL = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, KernelBlock(RESTITUTION, 6.0))
 
 
 def squared_error(space, coefficients, truth):
@@ -39,7 +40,7 @@ def test_flight_has_no_error_in_the_step():
     space, total = Space(np.linspace(0.5, 3.7, 33), np.linspace(-2.3, 1.8, 33), 3), 0.4
     start, dynamics = (
         Gaussian((2.0, -0.6), [[0.03, 0.003], [0.003, 0.04]]),
-        Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, 0.5, 6.0),
+        Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, KernelBlock(0.5, 6.0)),
     )
     matrix, shift = affine(dynamics, 0.0, total, 1)
     covariance = matrix @ start.covariance @ matrix.T + flight_noise(dynamics, total)
@@ -95,7 +96,7 @@ def test_order_in_the_step_on_gaussian_flight():
 
 def test_mass_that_crosses_zero_is_what_arrives():
     """One step: what each side loses is what the paths carry across x = 0 or over its cut-off, to rounding."""
-    dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, 1.2)
+    dynamics = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, KernelBlock(0.5, 1.2))
     angle = np.concatenate([-np.linspace(0.0, 1.2, 11)[:0:-1], np.linspace(0.0, 1.2, 11)])
     space = Space(angle, np.linspace(-5.0, 5.0, 41), 3)
     coefficients = space.project(Gaussian((0.02, 0.1), [[0.2, 0.02], [0.02, 0.3]]), 8)
@@ -128,7 +129,7 @@ def test_step_of_the_turned_scene_is_the_turned_step(start):
     density = space.project(Gaussian((0.02, 0.1), [[0.2, 0.02], [0.02, 0.3]]), 8)
     results = []
     for phase, now in ((1.0, density), (1.0 + math.pi, np.ascontiguousarray(density[::-1, ::-1]) * signs)):
-        dynamics = Dynamics(Harmonic(4.6, 2.7, phase), 0.02, 0.5, 1.2)
+        dynamics = Dynamics(Harmonic(4.6, 2.7, phase), 0.02, KernelBlock(0.5, 1.2))
         results.append(Step(Characteristics(space, start, 0.15, dynamics, QUADRATURE), space).apply(now))
     (after, sinks), (mirrored, mirrored_sinks) = results
     difference = mirrored[::-1, ::-1] * signs - after

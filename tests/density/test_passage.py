@@ -12,6 +12,7 @@ from fpk_rocking.density.patches import Gaussian
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.scene import Harmonic, Overturning
 from montecarlo import simulate
 
@@ -22,7 +23,7 @@ def paths_over(dynamics, start, duration, paths, pieces, seed):
     """Parts of white-noise paths on the side x > 0 that start below the cut-off and pass it, or end beyond it."""
     rng = np.random.default_rng(seed)
     state = MEAN[:, None] + SPREAD[:, None] * rng.normal(size=(2, paths))
-    state = state[:, state[0] < dynamics.cutoff]
+    state = state[:, state[0] < dynamics.block.cutoff]
     passed, short = np.zeros(state.shape[1], bool), duration / pieces
     root = np.linalg.cholesky(flight_noise(dynamics, short))
     for k in range(pieces):
@@ -30,9 +31,9 @@ def paths_over(dynamics, start, duration, paths, pieces, seed):
         after = matrix @ state + shift[:, None] + root @ rng.normal(size=state.shape)
         # Half a piece at a quarter of the lower speed: the rise of a parabola that turns within the piece.
         rise = np.where((state[1] > 0.0) & (after[1] < 0.0), np.minimum(state[1], -after[1]) * short / 8.0, 0.0)
-        passed |= np.maximum(state[0], after[0]) + rise >= dynamics.cutoff
+        passed |= np.maximum(state[0], after[0]) + rise >= dynamics.block.cutoff
         state = after
-    return passed.sum() / paths, (state[0] >= dynamics.cutoff).sum() / paths
+    return passed.sum() / paths, (state[0] >= dynamics.block.cutoff).sum() / paths
 
 
 @pytest.mark.parametrize("steps", [8, 16])
@@ -42,7 +43,7 @@ def test_paths_that_pass_the_cutoff_and_return_within_a_step_have_overturned(ste
     At 8 steps a cycle nearly all that overturn are back below the cut-off when the step ends.
     """
     period, paths = 2.0 * math.pi / 2.7, 100_000
-    dynamics, duration = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.00628, 0.5, 1.4), period / steps
+    dynamics, duration = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.00628, KernelBlock(0.5, 1.4)), period / steps
     start = 0.5 * (period - duration)
     window = Space(np.linspace(1.2, 1.4, 17), np.linspace(-0.4, 1.2, 33), 3)
     density = window.project(Gaussian(MEAN, np.diag(SPREAD**2)), 8)
@@ -61,7 +62,7 @@ def test_what_passes_the_cutoff_for_good_is_exact(side):
 
     By points it would be the mass of those that land beyond the cut-off, off by 1e-3 with five of them an axis.
     """
-    dynamics, duration = Dynamics(Harmonic(0.5, 2.7, math.pi), 0.00628, 0.5, 1.2), 0.1
+    dynamics, duration = Dynamics(Harmonic(0.5, 2.7, math.pi), 0.00628, KernelBlock(0.5, 1.2)), 0.1
     mean, covariance = side * np.array([1.05, 1.5]), np.diag([0.04**2, 0.1**2])
     lines = np.sort(side * np.linspace(0.8, 1.2, 25)), np.sort(side * np.linspace(0.8, 2.2, 41))
     space = Space(*lines, 3)

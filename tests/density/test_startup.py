@@ -16,6 +16,7 @@ from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.scatter import AffinePaths
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
+from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 from montecarlo import simulate
 
@@ -211,7 +212,7 @@ def test_the_moments_after_a_step_are_of_all_that_has_not_overturned(main_scene)
 def test_a_gaussian_of_an_exact_block_is_bent_where_curvature_shifts_its_mean(part, bent):
     """By α² (1 + |f|) xx t²/8, against 1e-4 of the growth of patches."""
     patches = PatchSettings(10, 5.0, 0.5, 0.01, 4)
-    dynamics = Dynamics(Harmonic(3.0, 2.0), 1e-3, 0.8, 1.5, critical_angle=0.3)
+    dynamics = Dynamics(Harmonic(3.0, 2.0), 1e-3, KernelBlock(0.8, 1.5, 0.3))
     startup = StartUp(dynamics, Start(0.5, 0.0), patches, math.pi)
     least = 1e-4 * 0.5 / (0.125 * 0.3**2 * (1.0 + 3.0) * 0.2**2)
     assert startup._bent(Gaussian([0.5, 0.0], np.diag([part * least, 1.0])), 0.2) == bent

@@ -23,9 +23,10 @@ from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.remap import places_of_ends
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, overlapping_cells, with_neighbours
 from fpk_rocking.physics.forcing import Harmonic
+from fpk_rocking.physics.motion.equation import KernelBlock
 
 CUTOFF = 1.2
-DYNAMICS = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, 0.5, CUTOFF)
+DYNAMICS = Dynamics(Harmonic(4.6, 2.7, math.pi), 0.02, KernelBlock(0.5, CUTOFF))
 START, DURATION = 0.53, 0.1
 QUADRATURE = Quadrature(4, 5, 5, 2)
 SOURCE = Space(
@@ -209,7 +210,7 @@ def test_free_cells_are_those_that_no_flight_leaves():
     rng, counts = np.random.default_rng(12), np.zeros((2, 2), dtype=int)
     for _ in range(60):
         forcing = Harmonic(rng.uniform(0.0, 8.0), rng.uniform(1.0, 4.0), rng.uniform(0.0, 6.3))
-        dynamics = Dynamics(forcing, 0.02, 0.5, CUTOFF)
+        dynamics = Dynamics(forcing, 0.02, KernelBlock(0.5, CUTOFF))
         start, duration, margin = rng.uniform(0.0, 3.0), rng.uniform(0.05, 0.3), rng.uniform(0.0, 0.1)
         faster = 2.0 * margin
         angle_lines = np.sort([*rng.uniform(-CUTOFF, CUTOFF, 7), -CUTOFF, 0.0, CUTOFF])
@@ -237,7 +238,7 @@ def test_free_cells_are_those_that_no_flight_leaves():
 @pytest.mark.parametrize(("point", "side"), [((0.06, -0.4), 1), ((0.05, -0.25), 1), ((-0.04, 0.3), -1)])
 def test_noise_is_carried_through_an_impact(point, side):
     """Weak noise: mean and covariance of the nodes against responses of the exact flow to kicks, summed over time."""
-    weak, duration, step = Dynamics(DYNAMICS.forcing, 1e-12, DYNAMICS.restitution, CUTOFF), 0.25, 1e-5
+    weak, duration, step = Dynamics(DYNAMICS.forcing, 1e-12, DYNAMICS.block), 0.25, 1e-5
     (states,), (flags,) = traced([point], side, weak, Quadrature(1, 1, 5, 3), duration)
     end, weights = START + duration, hermite_weights(5, 3)
     mean, impact = flow(weak, point, side, START, end), impact_time(weak, point, side, START, end)

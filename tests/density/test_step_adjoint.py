@@ -14,6 +14,7 @@ from fpk_rocking.density.space import Space, graded_lines, velocity_bound
 from fpk_rocking.density.step import scatter
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
+from fpk_rocking.physics.motion.equation import KernelBlock
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 QUADRATURE = Quadrature(5, 6, 5, 2)
@@ -102,7 +103,7 @@ def test_a_step_to_another_mesh_has_no_adjoint():
 
 def test_mean_of_a_quadratic_after_a_flight_is_the_closed_form():
     """Where nothing happens, 1 + x - 2 v + 3 x^2 - x v + 2 v^2 has the mean of its value at the mean, plus noise."""
-    dynamics, start, duration = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, 0.5, 6.0), 0.3, 0.1
+    dynamics, start, duration = Dynamics(Harmonic(0.5, 2.0, 0.0), 0.01, KernelBlock(0.5, 6.0)), 0.3, 0.1
     source = Space(np.linspace(0.5, 3.7, 13), np.linspace(-2.3, 1.8, 13), 3)
     step = Step(Characteristics(source, start, duration, dynamics, QUADRATURE), source)
 

@@ -13,6 +13,7 @@ from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.horizon import modes
 from fpk_rocking.horizon.modes import Powers, leading_modes
+from fpk_rocking.physics.motion.equation import KernelBlock
 
 LEADING, FEW = 1.0 - 1e-9, TUNING.steps_before_modes
 
@@ -115,7 +116,7 @@ def test_spectrum_of_the_linear_saddle(transposed):
     The first three are tested, of which two coincide; the three of e^-3t are as exact as the mesh's edge lets them be.
     """
     duration, diffusion = 0.5, 0.004
-    dynamics = Dynamics(Harmonic(0.0, 1.0, 0.0), diffusion, 0.5, 50.0)
+    dynamics = Dynamics(Harmonic(0.0, 1.0, 0.0), diffusion, KernelBlock(0.5, 50.0))
     space = Space(np.linspace(0.2, 1.8, 25), np.linspace(-0.8, 0.8, 25), 3)
     step = Step(Characteristics(space, 0.0, duration, dynamics, Quadrature(5, 5, 5, 2)), space)
 

@@ -44,7 +44,7 @@ def flow(dynamics, point, side, start, end):
     """Motion without noise, through impacts."""
     while (time := impact_time(dynamics, point, side, start, end)) is not None:
         matrix, shift = affine(dynamics, start, time - start, side)
-        point = [0.0, dynamics.restitution * (matrix @ point + shift)[1]]
+        point = [0.0, dynamics.block.restitution * (matrix @ point + shift)[1]]
         side, start = -side, time
     matrix, shift = affine(dynamics, start, end - start, side)
     return matrix @ point + shift

@@ -8,9 +8,10 @@ a node's displacement at it is then carried on by an expansion about that path, 
 displacement; what noise acts between the node's own impact and that of the path is counted on the side of the latter.
 Where no node can meet an event the nodes are those of affine flight.
 
-Noise moves an exact block by the part cos φ of it, here taken half way along a flight. Next to x = 0 the nodes of an
+Noise moves an exact block by the part κ cos φ of it, here taken half way along a flight. Next to x = 0 the nodes of an
 exact block follow an equivalent slender one in other units (`_contact_equivalent`); what this leaves out is taken along
-the path without noise. A path with the noise in the forcing of the exact equation needs no part: that has it.
+the path without noise. Of unequal sides they follow the block itself. A path with the noise in the forcing of the exact
+equation needs no part: that has it.
 
 The impact law is `physics.motion.impact`. It is applied here along a path by `advance_through_events` and
 `advance_collocated`, and by an expansion about a path in `_through_fast_impact`. Elsewhere in the density solver only
@@ -34,9 +35,11 @@ from fpk_rocking.physics.motion.equation import (
     acceleration,
     acceleration_gradient,
     dispatch_on_block,
+    dispatch_on_sides,
     force_factor,
     lift_off_level,
     move_origin,
+    restitution_from,
     segment_from_particular,
     value_and_slope,
 )
@@ -44,6 +47,7 @@ from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
     Event,
     advance_through_events,
+    can_lift_off,
     folded_angle_bounds,
     next_event,
     surely_eventless,
@@ -179,15 +183,16 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
         smooth = abs(speed) > TUNING.smooth_impact * spread
         _through_fast_impact(x, v, (time, speed, side, smooth), segment, block, noise, scratch, ends, flags)
         return
-    if still or (kind == Event.IMPACT and abs(value_and_slope(segment.force, time)[0]) < lift_off_level(side, block)):
+    force = value_and_slope(segment.force, time)[0]
+    if still or (kind == Event.IMPACT and not can_lift_off(force, force, block)):
         _split_kicks(x, v, side, math.sqrt(noise.diffusion * duration), still, segment, block, noise, ends, flags)
         return
-    _near_contact(x, v, (end, time, side), segment, block, noise, scratch, ends, flags)
+    _near_contact(x, v, (end, time, side), segment, noise, scratch, ends, flags, block)
 
 
 @kernel
-def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the nodes of a point (x, v) next to x = 0 or the cut-off; see `trace_point`.
+def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
+    """Write the ends of the nodes of a point (x, v) of a block of equal sides, see `_near_contact`.
 
     `undisturbed` is the angle and the time of the end of the path without noise, and its side. `segment` is the forcing
     over the step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written, `scratch` (4, TERMS) is
@@ -206,6 +211,37 @@ def _near_contact(x, v, undisturbed, segment, block, noise, scratch, ends, flags
         _write_end(n, xn, vn, sn, side, near.cutoff, ends, flags)
         ends[n, 0] *= unit
         ends[n, 1] *= unit
+
+
+@kernel
+def _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
+    """Write the ends of the nodes of a point (x, v) of a block of unequal sides, see `_near_contact`.
+
+    Arguments are those of `_near_contact_of_equal_sides`. No slender block has two units: each node is a path of the
+    block itself with the noise in its forcing.
+    """
+    side, duration = undisturbed[2], noise.duration
+    for n in range(len(noise.offsets)):
+        add_path_correction(segment.particular, duration, noise.offsets[n, 0], noise.offsets[n, 1], scratch[0])
+        path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
+        xn, vn, sn, _ = _advance(x, v, side, path, duration, CHATTER_TIME, block)
+        _write_end(n, xn, vn, sn, side, block.cutoff, ends, flags)
+
+
+@kernel(inline="always")
+def _call_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
+    """Call `_near_contact_of_equal_sides`, which is too long to be inlined itself, with the same arguments."""
+    _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block)
+
+
+@kernel(inline="always")
+def _call_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
+    """Call `_near_contact_of_unequal_sides`, which is too long to be inlined itself, with the same arguments."""
+    _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block)
+
+
+_near_contact = dispatch_on_sides(_call_equal_sides, _call_unequal_sides)
+"""Write the ends of the nodes of a point next to x = 0 or the cut-off; see `trace_point`."""
 
 
 @kernel(inline="always")
@@ -271,7 +307,8 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
             xn, vn, sn, _ = _advance(x, v + first, side, segment, duration, TUNING.chatter * duration, block)
         vl, sl = vn, sn
         if abs(xn) < block.cutoff:
-            vl += half * nodes[n, 1] * force_factor(abs(xn), sn, block)
+            kicked = sn if sn != 0 else (1 if nodes[n, 1] > 0.0 else -1)
+            vl += half * nodes[n, 1] * force_factor(abs(xn), kicked, block)
             if xn == 0.0 and not rests:
                 sl = 1 if vl > 0.0 else -1
         _write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
@@ -309,9 +346,10 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
     force, slope = value_and_slope(segment.force, time)
     met = linearize_impact(speed, side, force, slope, block)
     kind, _, far_x, far_v = next_event(0.0, met.leaving, -side, segment, time, duration, block)
+    restitution = restitution_from(side, block)
     before, after = force_factor(0.5 * side * x, side, block), force_factor(0.5 * abs(far_x), -side, block)
     diffusions = noise.diffusion * before * before, noise.diffusion * after * after
-    final, early, (b11, b12, b21, b22) = covariance_through_impact(diffusions, time, rest, met, block.restitution)
+    final, early, (b11, b12, b21, b22) = covariance_through_impact(diffusions, time, rest, met, restitution)
     move_origin(segment.particular, time, late)
     after_xx, after_xv, after_vv = flight_covariance(diffusions[1], rest)
     long_x, long_v, short_x, short_v = principal_axes(*final)
@@ -326,7 +364,7 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
         early_x, early_v = early[0] * g + early[1] * h, early[1] * g + early[2] * h
         late_x, late_v = after_xx * p + after_xv * q, after_xv * p + after_vv * q
         if smooth:
-            dx, dv, inside = displacement_through_impact(early_x, early_v, time, rest, met, block)
+            dx, dv, inside = displacement_through_impact(early_x, early_v, time, rest, met, restitution)
             xn = far_x + dx + late_x
             if inside and 0.0 < -side * xn < cutoff:
                 _write_end(n, xn, far_v + dv + late_v, -side, -side, cutoff, ends, flags)

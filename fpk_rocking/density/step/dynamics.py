@@ -16,8 +16,14 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import Force
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import affine_flights, gravity_at_contact, tilt_angle
-from fpk_rocking.physics.motion.equation import KernelBlock, acceleration_bounds, force_factor, segment_from_particular
+from fpk_rocking.physics.motion.block import affine_flights, contact_laws, force_factors, tilt_angle
+from fpk_rocking.physics.motion.equation import (
+    KernelBlock,
+    acceleration_bounds,
+    block_of_scene,
+    force_factor,
+    segment_from_particular,
+)
 from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
 from fpk_rocking.physics.noise.envelope import Envelope
 
@@ -26,28 +32,39 @@ from fpk_rocking.physics.noise.envelope import Envelope
 class Excess:
     """What the acceleration of an exact block has beyond that of the affine flights of a step; nondimensional.
 
-    The affine flight is x'' = x - s sin α/α + f cos α, so that the excess c(x, t) is 0 at zero angle:
-    c = -s (sin φ - sin α)/α - x + f (cos φ - cos α), with φ = α (1 - s x).
+    The affine flight is x'' = x + κ (-s sin φ₀/α + f cos φ₀), so that the excess c(x, t) is 0 at zero angle:
+    c = κ [-s (sin φ - sin φ₀)/α + f (cos φ - cos φ₀)] - x, with φ = α (m - s x) and φ₀ = α m. Of equal sides m = κ = 1.
 
     Parameters
     ----------
-    critical_angle : float
-        α, radians.
+    block : KernelBlock
     force : float
         f half way through the step.
     shifts : ndarray, shape (3,)
         What affine flights from (0, 0) have added to the angle half way, with the side as index.
     """
 
-    critical_angle: float
+    block: KernelBlock
     force: float
     shifts: np.ndarray
 
     def __call__(self, angles, sides):
         """Return c (n, ...) half way through the step, at `angles` (n, ...) on `sides`, +1 or -1, (n, ...)."""
-        alpha, phi = self.critical_angle, tilt_angle(angles, self.critical_angle)
-        turning = self.force * (np.cos(phi) - math.cos(alpha))
-        return turning - sides * (np.sin(phi) - math.sin(alpha)) / alpha - angles
+        alpha, saddles = self.block.critical_angle, self.block.saddles
+        sine, cosine = (_of_sides(sides, [part(alpha * m) for m in saddles]) for part in (math.sin, math.cos))
+        phi = tilt_angle(angles, alpha, _of_sides(sides, saddles))
+        turning = self.force * (np.cos(phi) - cosine)
+        return _of_sides(sides, self.block.scales) * (turning - sides * (np.sin(phi) - sine) / alpha) - angles
+
+    def force_factors(self, angles, sides):
+        """Return the factors of force and noise, κ cos φ (n, ...), at `angles` (n, ...) on `sides`, (n, ...)."""
+        saddles, scales = (_of_sides(sides, pair) for pair in (self.block.saddles, self.block.scales))
+        return force_factors(angles, self.block.critical_angle, saddles, scales)
+
+
+def _of_sides(sides, pair):
+    """Return the numbers (n, ...) of `sides`, +1 or -1, (n, ...) from a `pair`, (left, right)."""
+    return np.where(sides > 0.0, pair[1], pair[0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,30 +74,25 @@ class Dynamics:
     Parameters
     ----------
     forcing : Force
-    diffusion, restitution, cutoff : float
-        D, e and the angle of overturning.
+    diffusion : float
+        D.
+    block : KernelBlock
     envelope : Envelope, optional
         g, where the diffusion is D g².
     least_intensity : float
         Least g² of a step.
-    critical_angle : float, optional
-        α, radians, of an exact block.
     """
 
     forcing: Force
     diffusion: float
-    restitution: float
-    cutoff: float
+    block: KernelBlock
     envelope: Envelope | None = None
     least_intensity: float = TUNING.least_intensity
-    critical_angle: float | None = None
 
     @classmethod
     def of(cls, scene):
         """Return the dynamics of a scene with white noise."""
-        noise, block = scene.noise, scene.block
-        common = scene.forcing, noise.diffusion, block.restitution_by_side[0], scene.overturning.angle, noise.envelope
-        return cls(*common, critical_angle=block.critical_angle or None)
+        return cls(scene.forcing, scene.noise.diffusion, block_of_scene(scene), scene.noise.envelope)
 
     def later(self, time):
         """Return the dynamics whose times count from a `time` on, nondimensional."""
@@ -120,35 +132,57 @@ class Dynamics:
 
         Of an exact block it is that whose acceleration is right at zero angle; `FreeFlight` adds the rest.
         """
-        ends, part = (start, start + duration), math.cos(self.critical_angle or 0.0)
-        particular = (part * value for time in ends for value in self.forcing.particular(time))
-        return affine_flights(*particular, duration, gravity_at_contact(self.critical_angle))
+        particular = (value for time in (start, start + duration) for value in self.forcing.particular(time))
+        return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
         """Return the `Excess` of an exact block over a step from `start` of a `duration`; None of a slender one."""
-        if self.critical_angle is None:
+        if self.block.critical_angle is None:
             return None
         shifts = self.affine(start, 0.5 * duration).shifts[:, 0]
-        return Excess(self.critical_angle, float(self.forcing.value(start + 0.5 * duration)), shifts)
+        return Excess(self.block, float(self.forcing.value(start + 0.5 * duration)), shifts)
 
     @property
-    def block(self):
-        """The block as a `KernelBlock`, which the kernels take."""
-        return KernelBlock(self.restitution, self.cutoff, self.critical_angle)
+    def largest_factor(self):
+        """Bound of the factor by which noise moves the block, at least 1."""
+        return max(1.0, *self.block.scales)
 
     @property
     def lift_off(self):
-        """Largest |f| under which a block at rest stays."""
-        return lift_off(self.critical_angle or 0.0)
+        """Largest |f| under which a block at rest stays: that of the side that falls more easily."""
+        return min(self._lift_off_levels)
+
+    @property
+    def _lift_off_levels(self):
+        """Largest force to the left, and to the right, under which a block at rest stays."""
+        alpha = self.block.critical_angle or 0.0
+        return [saddle * lift_off(alpha * saddle) for saddle in self.block.saddles]
+
+    def rest_gap(self, time):
+        """How far the force at a `time` is below lift-off to either side; below 0 where it lifts a block off."""
+        (left, right), force = self._lift_off_levels, self.forcing.value(time)
+        return min(right - force, left + force)
 
     def since_lift_off(self, time):
-        """Time since |f| last rose through the level of lift-off, and the slope of |f| there; nondimensional.
+        """Time since the force last rose through the level of lift-off of a side, and its slope; nondimensional.
 
-        (inf, 0) if it never did before `time`.
+        The slope is that of |f| there; (inf, 0) if the force never did so before `time`.
         """
-        level = self.lift_off
-        since, slope = _forcing_in_units_of(self.forcing, level).since_lift_off(time)
-        return since, level * slope
+        left, right = self._lift_off_levels
+        if left == right:
+            return self._since_level(time, right)
+        return min(self._since_level(time, left, -1), self._since_level(time, right, 1))
+
+    def _since_level(self, time, level, side=None):
+        """Time since |f|, on a `side` if that is given, last rose through a `level`; see `since_lift_off`."""
+        force, earlier = _forcing_in_units_of(self.forcing, level), 0.0
+        while earlier <= time:
+            since, slope = force.since_lift_off(time - earlier)
+            crossed = time - earlier - since
+            if side is None or math.isinf(since) or side * self.forcing.value(crossed) > 0.0:
+                return earlier + since, level * slope
+            earlier += since + 1e-9 * self.forcing.shortest_period
+        return math.inf, 0.0
 
 
 @functools.lru_cache(maxsize=8)

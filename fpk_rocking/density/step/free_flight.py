@@ -8,8 +8,8 @@ they have the covariance of the flight, exactly (derived in docs/theory). Mass i
 
 What the acceleration of an exact block has beyond this, c, depends on angle and time alone: it is a kick of the
 velocity half way through the step, in which the noise by which lines of different angles differ diffuses them too. The
-middle of X Y X is the state half way but for a stretch: angle / cosh(t/2), velocity cosh(t/2). To first order in c such
-a kick is the exact flight between states that are displaced a little (`characteristics.displaced`): its error is a
+middle of X Y X is the state half way but for a stretch: angle / cosh(t/2), velocity cosh(t/2). To first order in c,
+such a kick is the exact flight between states that are displaced a little (`characteristics.displaced`): its error is a
 total derivative, (t²/24) (-c, v ∂c/∂x + ∂c/∂t) at the end less that at the begin, which cancels from step to step. So a
 density on the mesh is one of displaced states; what is left is of second order in c, and of fourth in the step to first
 (derived in docs/theory).
@@ -35,7 +35,7 @@ from fpk_rocking.density.step.shears import (
     velocity_shear,
 )
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.motion.block import force_factors, gravity_at_contact
+from fpk_rocking.physics.motion.block import SLENDER_CONTACT, contact_laws
 from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
 
 
@@ -60,7 +60,6 @@ class FreeFlight:
     """
 
     def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, excess=None):
-        critical_angle = excess and excess.critical_angle
         sinh, shifts = flight_shears(duration)[1], affine.shifts
         self.free = free
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
@@ -71,10 +70,10 @@ class FreeFlight:
             legendre_basis([0.0, 1.0], space.degree) @ table.T,
             np.diff(space.angle_lines), np.diff(space.velocity_lines),
         )  # fmt: skip
-        sides, angle_shears, drift, narrow, narrow_weights = _angle_shears(
-            space, affine, diffusion * gravity_at_contact(critical_angle) ** 2, duration
+        laws = contact_laws(excess.block) if excess else SLENDER_CONTACT
+        sides, angle_shears, drift, spread, narrow, narrow_weights = _angle_shears(
+            space, affine, diffusion, duration, laws
         )
-        alike = np.ones_like(angle_shears)
         by_side = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
         pushes = np.repeat(by_side, (middle, limit - middle))[:, None]
         angles = _line_points(space.angle_lines, points)
@@ -83,17 +82,18 @@ class FreeFlight:
             counts, stretch = (middle, limit - middle), math.cosh(0.5 * duration)
             by_half = [excess.shifts[side] - stretch * drift[side] for side in (-1, 1)]
             angles = stretch * angles + np.repeat(by_half, counts)[:, None]
-            velocity_shears += stretch * duration * excess(angles, np.repeat([-1.0, 1.0], counts)[:, None])
+            where = np.repeat([-1.0, 1.0], counts)[:, None]
+            velocity_shears += stretch * duration * excess(angles, where)
         all_cells, no_shift, no_spread = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
 
         first = ranges_of(rows_along_angle(free, middle))
-        first_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, first)
+        first_targets = target_range(space.angle_lines, sides, angle_shears, spread, narrow, first)
         second = ranges_of(join_sides(mask_of(first_targets, limit)).T)
         variance, (wide, wide_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
         spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
         if excess and diffusion > 0.0 and second.any():
             # The least diffusion of all lines is one remap for all, and what a line lacks is part of its shear.
-            parts = force_factors(angles, critical_angle) ** 2
+            parts = excess.force_factors(angles, where) ** 2
             needed = parts[second[:, 1] > second[:, 0]]
             least, most = needed.min(), needed.max()
             spreads, variance = np.sqrt(variance * np.maximum(parts - least, 0.0)), variance * least
@@ -103,11 +103,11 @@ class FreeFlight:
         sheared = target_range(space.velocity_lines, all_cells, velocity_shears, spreads, own, second)
         diffused = target_range(space.velocity_lines, all_cells, no_shift, no_spread, wide, sheared)
         third = ranges_of(rows_along_angle(mask_of(diffused, across), middle))
-        third_targets = target_range(space.angle_lines, sides, angle_shears, alike, narrow, third)
+        third_targets = target_range(space.angle_lines, sides, angle_shears, spread, narrow, third)
         degree, every = space.degree, ranges_of(mask_of(sheared, across).any(axis=0)[None])
         self._shared = angle_remap is not None
         self.angle_remap = angle_remap or prepare_remap(
-            space.angle_lines, sides, angle_shears, alike, narrow, narrow_weights, degree, union(first, third)
+            space.angle_lines, sides, angle_shears, spread, narrow, narrow_weights, degree, union(first, third)
         )
         self.velocity_remap = prepare_remap(
             space.velocity_lines, all_cells, velocity_shears, spreads, own, own_weights, degree, second
@@ -183,24 +183,28 @@ def angle_remap_of(space, affine, diffusion, duration):
     It serves all flights of a `duration` that differ from `affine`, `AffineFlights`, in a constant force alone: that
     moves the velocity between the two shears of the angle, and neither of these. `diffusion` is D.
     """
-    sides, shears, _, nodes, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_remap(space.angle_lines, sides, shears, np.ones_like(shears), nodes, weights, space.degree, sides)
+    sides, shears, _, spread, nodes, weights = _angle_shears(space, affine, diffusion, duration)
+    return prepare_remap(space.angle_lines, sides, shears, spread, nodes, weights, space.degree, sides)
 
 
-def _angle_shears(space, affine, diffusion, duration):
+def _angle_shears(space, affine, diffusion, duration, laws=SLENDER_CONTACT):
     """Return what `prepare_remap` needs for a shear of the angle, for all cells of a `Space`.
 
-    Bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the forcing's part of these by side (a dict),
-    nodes (n,) of the diffusion and their weights. `affine`: `AffineFlights`; `diffusion`: D; `duration` of the step.
+    Bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the forcing's part of these by side (a dict), how
+    far the lines are diffused per node (rows, lines), nodes (n,) of the diffusion and their weights. `affine`:
+    `AffineFlights`; `diffusion`: D; `duration` of the step; `laws`: a `ContactLaw` by side.
     """
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
-    variance = shear_diffusion_variances(diffusion, duration)[1]
+    most = max(law.noise for law in laws.values())
+    variance = shear_diffusion_variances(diffusion * most**2, duration)[1]
     nodes, weights = gauss_hermite(TUNING.narrow_nodes if variance > 0.0 else 1)
     drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
     along = shear * _line_points(space.velocity_lines, gauss_legendre(space.degree + 1)[0])
     sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
-    return sides, np.concatenate([along + drift[-1], along + drift[1]]), drift, math.sqrt(variance) * nodes, weights
+    shears = np.concatenate([along + drift[side] for side in (-1, 1)])
+    spread = np.concatenate([np.full_like(along, laws[side].noise / most) for side in (-1, 1)])
+    return sides, shears, drift, spread, math.sqrt(variance) * nodes, weights
 
 
 def _line_points(lines, points):

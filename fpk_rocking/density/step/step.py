@@ -84,12 +84,13 @@ class Characteristics:
         nodes, self.node_weights = gauss_hermite_product(quadrature.long, quadrature.short)
         self.diffusion_nodes, self.affine = quadrature.diffusion, dynamics.affine(start, duration)
         self.offsets = nodes @ np.reshape(axes, (2, 2))
-        self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, np.abs(self.offsets[:, 0]).max())
+        farthest = dynamics.largest_factor * np.abs(self.offsets).max(axis=0)
+        self._noise = Noise(duration, dynamics.diffusion, nodes, self.offsets, farthest[0])
         self._segment, self.excess = dynamics.segment(start, duration), dynamics.excess(start, duration)
-        margins = self._noise.margin, math.inf if to_other_mesh else float(np.abs(self.offsets[:, 1]).max())
+        margins = self._noise.margin, math.inf if to_other_mesh else float(farthest[1])
         self.event_cells = event_cells(*source.lines, self._segment, duration, dynamics.block, margins)
         self.to_other_mesh = to_other_mesh
-        self.event_cells |= dynamics.critical_angle is not None and to_other_mesh
+        self.event_cells |= dynamics.block.critical_angle is not None and to_other_mesh
         self.active = np.zeros_like(self.event_cells)
         self.numbers = np.full(self.event_cells.shape, -1, dtype=np.int32)
         self.ends, self.flags = self.activate(np.full_like(self.event_cells, cells))

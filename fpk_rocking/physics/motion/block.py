@@ -9,7 +9,7 @@ solution where it is said; every other one differs from it by a flight without f
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,15 +73,33 @@ class AffineFlights(NamedTuple):
         return np.array([[self.cosh, self.sinh], [self.sinh, self.cosh]])
 
 
-def affine_flights(p0: float, q0: float, p1: float, q1: float, duration: float, saddle: float = 1.0) -> AffineFlights:
-    """Return the `AffineFlights` of both sides over a duration, nondimensional: x'' = x - s m + f, with the `saddle` m.
+class ContactLaw(NamedTuple):
+    """What a side of a block has at zero angle: u'' = -gravity + part s f, and the part of noise on its way.
 
-    `p0`, `q0` are P and P' at their begin, and `p1`, `q1` at their end.
+    `noise` is the mean of the factor of the force from zero angle to the saddle.
+    """
+
+    gravity: float = 1.0
+    part: float = 1.0
+    noise: float = 1.0
+
+
+SLENDER_CONTACT = {-1: ContactLaw(), 1: ContactLaw()}
+"""By side."""
+
+
+def affine_flights(
+    p0: float, q0: float, p1: float, q1: float, duration: float, contact: dict[int, ContactLaw] = SLENDER_CONTACT
+) -> AffineFlights:
+    """Return the `AffineFlights` of both sides over a duration, nondimensional: u'' = u - gravity + part s f.
+
+    `p0`, `q0` are P and P' at their begin, and `p1`, `q1` at their end. `contact` is a `ContactLaw` by side.
     """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
-    shifts = np.zeros((3, 2))
+    shifts, ends = np.zeros((3, 2)), (p0, q0, p1, q1)
     for side in (1, -1):
-        balanced = side * saddle
+        balanced = side * contact[side].gravity
+        p0, q0, p1, q1 = (contact[side].part * value for value in ends)
         shifts[side] = balanced + p1 - cosh * (balanced + p0) - sinh * q0, q1 - sinh * (balanced + p0) - cosh * q0
     return AffineFlights(cosh, sinh, shifts)
 
@@ -105,25 +123,38 @@ def impulse_response(left: Array) -> Array:
     return np.stack([np.sinh(left), np.cosh(left)])
 
 
-def gravity_at_contact(critical_angle: float | None) -> float:
-    """Return -u'' at zero angle without a force: sin α/α, which is also the mean of cos φ from there to the saddle.
+def gravity_at_contact(critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
+    """Return -u'' at zero angle without a force: κ sin(α m)/α.
 
-    `critical_angle` is α, radians.
+    `critical_angle` is α, radians; `saddle` m and `scale` κ are those of the side, 1 of equal sides: then it is also
+    the mean of cos φ from there to the saddle.
     """
-    return math.sin(critical_angle) / critical_angle if critical_angle else 1.0
+    return scale * math.sin(critical_angle * saddle) / critical_angle if critical_angle else 1.0
 
 
-def tilt_angle(angles: Array, critical_angle: float) -> Array:
+def contact_laws(block: Any) -> dict[int, ContactLaw]:
+    """Return the `ContactLaw` of each side of a `KernelBlock`, by side."""
+    alpha, laws = block.critical_angle or 0.0, {}
+    for side, saddle, scale in zip((-1, 1), block.saddles, block.scales, strict=True):
+        gravity = gravity_at_contact(alpha, saddle, scale)
+        laws[side] = ContactLaw(gravity, scale * math.cos(alpha * saddle), gravity / saddle)
+    return laws
+
+
+def tilt_angle(angles: Array, critical_angle: float, saddle: Number = 1.0) -> Array:
     """Angle φ (n, ...), radians, between the vertical and the line from the corner to the centre of mass.
 
-    `angles` (n, ...) are x, nondimensional, and `critical_angle` is α, radians.
+    `angles` (n, ...) are x, nondimensional, `critical_angle` is α, radians, and `saddle` m, a number or an array.
     """
-    return critical_angle * (1.0 - np.abs(angles))
+    return critical_angle * (saddle - np.abs(angles))
 
 
-def force_factors(angles: Array, critical_angle: float) -> Array:
-    """Part of the base's acceleration that turns the block, cos φ (n, ...), at angles x (n, ...), for α in radians."""
-    return np.cos(tilt_angle(angles, critical_angle))
+def force_factors(angles: Array, critical_angle: float, saddle: Number = 1.0, scale: Number = 1.0) -> Array:
+    """Part of the base's acceleration that turns the block, κ cos φ (n, ...), at angles x (n, ...), for α in radians.
+
+    `saddle` m and `scale` κ are numbers or arrays, 1 of equal sides.
+    """
+    return scale * np.cos(tilt_angle(angles, critical_angle, saddle))
 
 
 def gravity_correction(angles: Array, sides: Array, critical_angle: float) -> Array:
@@ -135,14 +166,16 @@ def gravity_correction(angles: Array, sides: Array, critical_angle: float) -> Ar
     return -sides * (np.sin(phi) - phi) / critical_angle
 
 
-def largest_correction(force: float, critical_angle: float | None) -> float:
-    """Bound of the exact correction |δ| from zero angle to twice the critical one, nondimensional.
+def largest_correction(force: float, critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
+    """Bound of the exact correction |δ| from zero angle to twice the saddle's, nondimensional.
 
-    `force` is the largest |f|, nondimensional; `critical_angle` is α, radians.
+    `force` is the largest |f|, nondimensional; `critical_angle` is α, radians. Of a side with the `saddle` m and the
+    `scale` κ, the correction is to x'' = x - s m + f.
     """
     if not critical_angle:
         return 0.0
-    return 1.0 - gravity_at_contact(critical_angle) + force * (1.0 - math.cos(critical_angle))
+    bent = saddle - gravity_at_contact(critical_angle, saddle) + force * (1.0 - math.cos(critical_angle * saddle))
+    return bent + abs(scale - 1.0) * (saddle + force)
 
 
 def saddle_speed(force: float, critical_angle: float | None) -> float:

@@ -46,6 +46,16 @@ class KernelBlock(NamedTuple):
     critical_angle: float | None = None
     sides: UnequalSides | None = None
 
+    @property
+    def saddles(self) -> tuple[float, float]:
+        """Saddles m, (left, right)."""
+        return self.sides.saddle if self.sides else (1.0, 1.0)
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Scales κ of the acceleration, (left, right)."""
+        return self.sides.scale if self.sides else (1.0, 1.0)
+
 
 def block_of_scene(scene: Any) -> KernelBlock:
     """Return the `KernelBlock` of a scene's block and overturning angle; a critical angle of 0 becomes None."""
@@ -63,6 +73,11 @@ def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) ->
     that.
     """
     return _dispatch("critical_angle", slender, exact)
+
+
+def dispatch_on_sides(equal: Callable[..., Any], unequal: Callable[..., Any]) -> Callable[..., Any]:
+    """Return one function of two kernels as `dispatch_on_block` does: `unequal` for a block of unequal sides."""
+    return _dispatch("sides", equal, unequal)
 
 
 def _dispatch(field, without, with_it):
@@ -127,9 +142,9 @@ def _unequal_restitution(side, block):
     return _of_side(block.sides.restitution, side)
 
 
-saddle = _dispatch("sides", _equal_saddle, _unequal_saddle)
-acceleration_scale = _dispatch("sides", _equal_scale, _unequal_scale)
-restitution_from = _dispatch("sides", _equal_restitution, _unequal_restitution)
+saddle = dispatch_on_sides(_equal_saddle, _unequal_saddle)
+acceleration_scale = dispatch_on_sides(_equal_scale, _unequal_scale)
+restitution_from = dispatch_on_sides(_equal_restitution, _unequal_restitution)
 
 
 @kernel(inline="always")

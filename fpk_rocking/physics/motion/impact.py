@@ -151,7 +151,7 @@ def covariance_through_impact(diffusions, before, after, impact, restitution):
 
 
 @kernel
-def displacement_through_impact(x, v, time, rest, impact, block):
+def displacement_through_impact(x, v, time, rest, impact, restitution):
     """Carry a displacement at the time of a fast impact through it and on to the step's end, without further noise.
 
     The flight before the impact, and that after it, are Taylor polynomials about the undisturbed impact: the error is
@@ -165,7 +165,8 @@ def displacement_through_impact(x, v, time, rest, impact, block):
         The step's time before and after that impact.
     impact : LinearizedImpact
         The undisturbed one.
-    block : KernelBlock
+    restitution : float
+        Velocity ratio e.
 
     Returns
     -------
@@ -181,7 +182,7 @@ def displacement_through_impact(x, v, time, rest, impact, block):
     arrival = onset + late * (pull + 0.5 * late * jerk)
     pull, jerk = impact.far_pull, impact.far_stiff * leaving + impact.jerk
     x = -late * (leaving + late * (0.5 * pull + late * jerk / 6.0))
-    v = velocity_after_impact(arrival, block.restitution) - leaving - late * (pull + 0.5 * late * jerk)
+    v = velocity_after_impact(arrival, restitution) - leaving - late * (pull + 0.5 * late * jerk)
     grow = math.exp(rest - late)
     decay = 1.0 / grow
     x, v = homogeneous_flight(x, v, 0.5 * (grow + decay), 0.5 * (grow - decay))
