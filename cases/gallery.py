@@ -175,12 +175,12 @@ def shown(docs):
 
 
 def _shown(docs, path, source):
-    """Return a picture of the page with its message, which is its title, below it."""
+    """Return a picture of the page with its message, which is its title, below it; no text in its place is needed."""
     from PIL import Image
 
     with Image.open(pathlib.Path(docs, path)) as picture:
         message = title_of(picture)
-    return f"![{message}]({path})\n\n*{message}.* {source}"
+    return f"![]({path})\n\n*{message}.* {source}"
 
 
 def title_of(picture):
