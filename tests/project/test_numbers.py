@@ -99,7 +99,6 @@ ALLOWED = {
         **dict.fromkeys(("2.718", ".2718"), "Euler's number, and a tenth of it"),
         **dict.fromkeys(("2.43", ".865"), "example of a message"),
         "1e-15": "difference of two starts",
-        "121": "most cycles that a report shows",
     },
     "docs/validation.md": {
         **dict.fromkeys(("6e-13", "1e-12"), "docs/monte_carlo.md"),
