@@ -62,7 +62,6 @@ ALLOWED = {
     "docs/long_horizon.md": {
         **dict.fromkeys(("1e-15", "6e-13"), "rounding, measured once"),
         **dict.fromkeys(("1e-8", "1e-10"), "limits in the code"),
-        **dict.fromkeys(("5.1", "3.2"), "velocities of the main scene, measured once"),
     },
     "docs/monte_carlo.md": {
         **dict.fromkeys(
