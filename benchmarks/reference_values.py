@@ -1,4 +1,4 @@
-"""Reference values for other codes: twelve scenes, each by two engines that share nothing but the scene.
+"""Reference values for other codes: twelve scenes, each by two engines, with random numbers of their own.
 
 Of each scene are computed: survival, the probability of having overturned to each side, that of being at rest, and mean
 and covariance of angle and velocity of the blocks that stand. One engine samples paths with a standard error of at most

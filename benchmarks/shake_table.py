@@ -158,14 +158,14 @@ def kept_blocks(fits):
     return values
 
 
-def draw(path, titles, panel):
-    """Write a picture with a panel for each specimen, which `panel(axes, specimen)` draws."""
+def draw(path, message, titles, panel):
+    """Write a picture with a panel for each specimen, by `panel(axes, specimen)`; the file holds its message."""
     with drawing() as new_figure:
         figure = new_figure(figsize=(9.2, 4.2), layout="constrained")
         for axes, name, title in zip(figure.subplots(1, 2), SPECIMENS, titles, strict=True):
             panel(axes, name)
             axes.set_title(title, fontsize=9)
-        figure.savefig(path, dpi=110)
+        figure.savefig(path, dpi=110, metadata={"Title": message})
 
 
 def pictures(predictions, observed, measures, record):
@@ -215,11 +215,20 @@ def pictures(predictions, observed, measures, record):
     total = len(record)
     draw(
         DATA / "shake_table_reliability.png",
+        "Predicted probabilities of overturning hold for motions that the fit has not seen",
         [f"{name}: motions that the fit has not seen" for name in SPECIMENS],
         reliability,
     )
-    draw(DATA / "shake_table_missed.png", [f"{name}: {wrong[name]} of {total} wrong" for name in SPECIMENS], misses)
-    draw(DATA / "shake_table_fragility.png", [f"{name}: fragility over PGV" for name in SPECIMENS], fragility)
+    missed = " and ".join(str(wrong[name]) for name in SPECIMENS)
+    message = f"Of {total} tests of each rock {missed} are predicted wrongly, by a fit that has not seen the motion"
+    draw(
+        DATA / "shake_table_missed.png",
+        message,
+        [f"{name}: {wrong[name]} of {total} wrong" for name in SPECIMENS],
+        misses,
+    )
+    message = "Curves over PGV fitted to predictions lie near those fitted to outcomes"
+    draw(DATA / "shake_table_fragility.png", message, [f"{name}: fragility over PGV" for name in SPECIMENS], fragility)
     return wrong
 
 

@@ -209,8 +209,8 @@ def draw(path, values):
     inferred = f"b from {min(met):g} to {max(met):g}" if met else "no b"
     note = (
         f"{values['realizations']:,} realizations a band. Dashed: {100 * LIKELY:g} %, from which on a statement "
-        f"counts as met. Grey: b whose likelihood is within a factor e^{WITHIN:g} of the largest. Triangles: "
-        "lower than drawn."
+        f"counts as met (Fig. 5(b): where {LATE} cycles lie within the central 95 %). Grey: b whose likelihood is "
+        f"within a factor e^{WITHIN:g} of the largest. Triangles: lower than drawn."
     )
     title = f"Noise bands [0, b] meet what the paper shows with {inferred}; the likeliest b is {joint['best']:g}"
     with pictures.page(path, (10.5, 8.2), title, [note]) as figure:

@@ -3,7 +3,8 @@
 Each case is run as its own command line would, into a folder under ``results``, and its pictures are reduced to at most
 150 kB: fewer colours first, then fewer pixels. A picture file holds its title, which the site writes beside it. What
 the case wrote as ``.json`` stands beside the pictures under the same name. A case that fails leaves the gallery as it
-was. Some cases draw from these numbers alone: for a change of their looks they need not run again.
+was. Some cases draw from these numbers alone: for a change of their looks they need not run again. docs/gallery.md
+shows all pictures, those of the benchmarks too.
 
 Run time: about half an hour on 2 cores, half of it for the noise band.
 
@@ -72,6 +73,14 @@ DRAWN_FROM_NUMBERS = (
     "slenderness",
     "survival_against_restitution",
 )
+# Parts of docs/gallery.md: the cases from this one on, up to the next part.
+PARTS = {
+    "fig02_phase_portrait": "Lin and Yim's figures",
+    "bifurcation": "Dynamics of one scene",
+    "band_inferred": "Noise, and what replaces it",
+    "time_histories": "Paths, long runs, every start",
+    "fragility_of_blocks": "Blocks in metres",
+}
 ROOT = pathlib.Path(__file__).parents[1]
 LARGEST = 150_000
 WIDTHS = (1260, 1130, 1010, 900, 800)
@@ -145,6 +154,35 @@ def reduce(source, target):
             return
 
 
+def shown(docs):
+    """Return the text of docs/gallery.md: every picture of the gallery and of the benchmarks once, with its message.
+
+    Parameters
+    ----------
+    docs : path
+        Folder in which the page, ``gallery/`` and ``benchmarks/`` are.
+    """
+    parts = ["# Gallery", "Each picture with what it says, and the script that draws it. The numbers lie beside it."]
+    for name, pictures in PICTURES.items():
+        parts += [f"## {PARTS[name]}"] if name in PARTS else []
+        parts += [
+            _shown(docs, f"gallery/{kept}", f"[cases/{name}.py](../cases/{name}.py)") for kept in pictures.values()
+        ]
+    parts += ["## Measurements"]
+    pictures = sorted(path.name for path in pathlib.Path(docs, "benchmarks").glob("*.png"))
+    parts += [_shown(docs, f"benchmarks/{kept}", "[benchmarks](benchmarks.md)") for kept in pictures]
+    return "\n\n".join(parts) + "\n"
+
+
+def _shown(docs, path, source):
+    """Return a picture of the page with its message, which is its title, below it; no text in its place is needed."""
+    from PIL import Image
+
+    with Image.open(pathlib.Path(docs, path)) as picture:
+        message = title_of(picture)
+    return f"![]({path})\n\n*{message}.* {source}"
+
+
 def title_of(picture):
     """Return the title that an open picture holds; empty where it holds none."""
     return picture.info.get("Title", "")
@@ -165,6 +203,7 @@ def main() -> int:
     if not set(only) <= set(cases):
         parser.error(f"--redraw: got {' '.join(only)}, accepted: {', '.join(cases)}")
     seconds = run(options.out, options.results, only, options.redraw)
+    write_text(ROOT / "docs" / "gallery.md", shown(ROOT / "docs"))
     print(f"{len(seconds)} cases, {sum(seconds.values()):.0f} s: pictures in {options.out}")
     return 0
 

@@ -111,7 +111,7 @@ def draw(path, values):
     notes = [f"Where half of the slender blocks overturn. {sampled}; {shaking}."]
     off = {kind: np.array(values[kind]["exact"]) - np.array(values[kind]["slender"])[:, None] for kind in NAMES}
     most = max(float(np.nanmax(np.abs(differences))) for differences in off.values())
-    title = f"The equation of a slender block overturns squat blocks too often, by up to {most:.2f} in probability"
+    title = f"With noise the equation of a slender block overturns squat blocks too often, by up to {most:.2f}"
     with pictures.page(path, (11.0, 5.2), title, notes) as figure:
         panels = figure.subplots(1, 2, sharey=True)
         for axes, (kind, name) in zip(panels, NAMES.items(), strict=True):

@@ -84,9 +84,8 @@ def _headed(title, rule):
 
 
 def _linked(_app, docname, source):
-    """Have links to cases and to the gallery lead to pages, not to files."""
+    """Have links to cases lead to pages, not to files."""
     depth = "../" * docname.count("/")
-    source[0] = source[0].replace("](gallery)", "](cases/index.rst)")
     for name in PICTURES:
         source[0] = source[0].replace(f"](../{depth}cases/{name}.py)", f"]({depth}cases/{name}.rst)")
 

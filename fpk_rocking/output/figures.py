@@ -178,7 +178,7 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
     results : sequence of SurvivalResult
         Results whose scenes differ in the noise alone, drawn from top to bottom.
     cycles : sequence of int
-        Cycles, drawn from left to right, three in a row.
+        Cycles, drawn from left to right, three in a row; four in two rows.
     title : str
         Title of the figure.
 
@@ -195,8 +195,9 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
     >>> print(surface_figure("surface.png", [density], cycles=[4], title="After 4 cycles"))
     surface.png
     """
-    blocks = [cycles[first : first + 3] for first in range(0, len(cycles), 3)]
-    columns, rows = min(3, len(cycles)), len(blocks) * len(results)
+    columns = 2 if len(cycles) == 4 else min(3, len(cycles))
+    blocks = [cycles[first : first + columns] for first in range(0, len(cycles), columns)]
+    rows = len(blocks) * len(results)
     notes = _surface_notes(results, columns)
     width, height = columns * 3.6 + 0.35, rows * 3.05 + 0.6 + 0.2 * len(notes)
     bottom, top = (0.3 + 0.2 * len(notes)) / height, 1.0 - 0.45 / height

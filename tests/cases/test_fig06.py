@@ -53,7 +53,7 @@ def test_its_files_hold_numbers_and_pictures(coarse):
     assert any("inferred from its Figs" in remark for remark in values["remarks"])
     for picture in ("fig06.png", "maps.png", "survival.png"):
         pixels = matplotlib.image.imread(folder / picture)[..., :3]
-        assert min(pixels.shape[:2]) > 600
+        assert min(pixels.shape[:2]) > 500
         assert np.unique((255 * pixels[::4, ::4]).astype(int).reshape(-1, 3), axis=0).shape[0] > 100
 
 

@@ -87,3 +87,10 @@ def test_cases_drawn_from_numbers_ask_for_no_more():
     for name in gallery.DRAWN_FROM_NUMBERS:
         assert len(gallery.PICTURES[name]) == 1
         assert "\ndef draw(path, values):\n" in (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8"), name
+
+
+def test_the_gallery_page_shows_every_picture_with_its_message():
+    """What draws no picture need not run for the page: `python cases/gallery.py --redraw` writes it too."""
+    docs = ROOT / "docs"
+    assert (docs / "gallery.md").read_text(encoding="utf-8") == gallery.shown(docs)
+    assert set(gallery.PARTS) <= set(gallery.PICTURES)

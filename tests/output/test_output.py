@@ -62,7 +62,7 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     assert [line.endswith("noise replaced") for line in texts[1:5]] == [True, False, True, False]
     assert any("Replaced, not checked" in line for line in texts)
     width, height = figure.get_size_inches()
-    assert width == pytest.approx(3 * 3.6, abs=0.5)
+    assert width == pytest.approx(2 * 3.6, abs=0.5)
     for axes in panels:
         assert axes.get_position().height * height == pytest.approx(3.05, rel=0.05)
     middles = {round(axes.get_position().intervaly.mean(), 6) for axes in panels}
