@@ -93,11 +93,11 @@ which a call is refused, warned of, or repeated, which moves no result; or what 
 def tables():
     """Tables of tuned numbers: {name of the folder: (module, {field: default})}."""
     numbers = {}
-    for path in sorted(
-        path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("tuning.py")
-    ):
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        numbers[path.parent.name] = module, loaded(module).TUNING._asdict()
+    for path in sorted(path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")):
+        if "\nTUNING = Tuning()" in path.read_text(encoding="utf-8"):
+            *folders, file = path.relative_to(ROOT).with_suffix("").parts
+            module = ".".join([*folders, file])
+            numbers[folders[:2][-1]] = module, loaded(module).TUNING._asdict()
     return numbers
 
 

@@ -21,7 +21,7 @@ from montecarlo.tuning import TUNING
 PARAMETERS = types.SimpleNamespace(block=KernelBlock(0.6, 1.5), shortest=1e-6)
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def plain(monkeypatch):
     """As Python, with what it calls, and normals of 0."""
     for name in (
@@ -41,6 +41,7 @@ def plain(monkeypatch):
     monkeypatch.setattr(barriers, "normal", lambda _: 0.0)
 
 
+@pytest.mark.usefixtures("plain")
 def test_a_step_is_as_long_as_a_gap_surely_stays_open():
     """All nine tenths of the reach are kept all along the step; it is the limit, or the whole reach is not."""
     rng, lengths = np.random.default_rng(3), []
@@ -59,6 +60,7 @@ def test_a_step_is_as_long_as_a_gap_surely_stays_open():
     assert 0.1 < np.mean(np.array(lengths) == 0.5) < 0.9
 
 
+@pytest.mark.usefixtures("plain")
 def test_a_step_without_noise_ends_where_the_gap_closes():
     for gap, slope, bend in np.random.default_rng(4).uniform((0.0, -2.0, -3.0), (0.2, 2.0, 0.0), (300, 3)):
         closes = max(np.roots([0.5 * bend, slope, gap]).real)
@@ -73,6 +75,7 @@ def near(u, w, side, force, diffusion=0.0):
     return barriers.step_near_barrier(None, u, w, side, segment, 0, 0.2, 1.2, parameters, None, 0.0)
 
 
+@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_step_ends_before_a_bound_of_the_acceleration_brings_a_block_to_a_barrier(side):
     """From rest: -u'' is at most 1 - s f, and u'' at most cutoff - 1 + s f; no step is shortened without a need."""
@@ -86,6 +89,7 @@ def test_a_step_ends_before_a_bound_of_the_acceleration_brings_a_block_to_a_barr
     assert near(1.49, 1.0, side, 0.0)[0] == PARAMETERS.block.cutoff
 
 
+@pytest.mark.usefixtures("plain")
 def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
     monkeypatch.setattr(barriers, "acceleration", lambda *_: -1.5)
     segment = types.SimpleNamespace(force=np.zeros(16))
@@ -95,6 +99,7 @@ def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
         assert reflected == pytest.approx((0.0, 0.6 * 0.8, -1, 0.3 - late))
 
 
+@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize(("w", "lift"), [(0.2, 100.0), (0.0, 100.0), (-0.05, -1.0), (-0.1, 0.0)])
 def test_a_draw_beyond_an_impact_that_no_parabola_has_is_scaled(monkeypatch, w, lift):
     """It rises, its impact would be before the step, or there is none."""

@@ -129,10 +129,10 @@ def test_flights_have_the_exact_mean_and_covariance(name, envelope):
 def test_kinks_at_the_ends_of_intervals_cut_nothing():
     """Intervals of .5 from 0 on; the kinks are at 0, 1, 3 and 4.5, and one moved into an interval cuts it."""
     middles = 0.25 + 0.5 * np.arange(12)
-    piece, ends, _ = envelope_pieces(Trapezoid(1.0, 2.0, 1.5), middles, 0.25)
+    piece, ends, _ = envelope_pieces(Trapezoid(1.0, 2.0, 1.5), middles, 0.25, 2)
     assert piece.tolist() == list(range(13))
     assert ends == pytest.approx(np.full(12, 0.25))
-    piece, ends, _ = envelope_pieces(Trapezoid(1.1, 1.9, 1.5), middles, 0.25)
+    piece, ends, _ = envelope_pieces(Trapezoid(1.1, 1.9, 1.5), middles, 0.25, 2)
     assert piece.tolist() == [0, 1, 2, *range(4, 14)]
     assert ends[2:4] == pytest.approx([-0.15, 0.25])
 

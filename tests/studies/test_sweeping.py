@@ -104,9 +104,9 @@ def test_kernels_are_those_of_the_engines_that_will_run():
     assert kernels("mc", faded) == ["enveloped"]
     assert kernels("mc", faded, SCENE, method="rk4") == ["rk4"]
     assert kernels("mc", white, method="rk4") == []
-    assert kernels("fpk", SCENE, white) == ["solve"]
-    assert kernels("fpk", filtered) == ["filtered", "solve"]
-    assert kernels("fpk", SCENE, noise_replacement="filtered") == ["filtered", "solve"]
+    assert kernels("fpk", SCENE, white) == ["density"]
+    assert kernels("fpk", filtered) == ["density", "rest"]
+    assert kernels("fpk", SCENE, noise_replacement="filtered") == ["density", "rest"]
 
 
 def test_grid_has_its_last_axis_fastest():
