@@ -261,9 +261,9 @@ def test_white_noise_agrees_with_small_steps_of_another_scheme():
 
 
 def test_filtered_noise_agrees_with_paths():
-    """20,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
+    """6,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
     scene = Scene(Block(0.7, critical_angle=0.29), Harmonic(4.2, 2.7, math.pi), FILTERED)
     run = FilteredPropagator(scene, discretization_of(plane_of(scene, 1), scene, 16, (7,), 8), 1e-8)
     density = run.propagate(scene.period * np.arange(3)).survival[1:]
-    paths = simulate(scene, cycles=2, realizations=20_000, seed=4, method="filtered").survival[1:]
-    assert density == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 20_000))
+    paths = simulate(scene, cycles=2, realizations=6_000, seed=4, method="filtered").survival[1:]
+    assert density == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 6_000))
