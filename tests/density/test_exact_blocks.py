@@ -108,7 +108,7 @@ def test_flight_between_displaced_states_is_of_fourth_order():
     """
     alpha, forcing, duration, spread = 0.5, Harmonic(0.7, 3.0, math.pi + 0.4), 0.6, np.diag([0.0025, 0.0025])
     lines = np.array([-2.5, 0.0, *np.arange(0.05, 1.6, 0.07), 2.5]), np.array([-4.0, *np.arange(-1.2, 1.21, 0.07), 4.0])
-    space, dynamics = Space(*lines, 3), Dynamics(forcing, 0.0, 0.5, 2.5, critical_angle=alpha)
+    space, dynamics = Space(*lines, 3), Dynamics(forcing, 0.0, KernelBlock(0.5, 2.5, alpha))
     points, weights = spread_points([0.65, 0.1], spread)
     errors, plain = [], []
     for steps in (2, 4):

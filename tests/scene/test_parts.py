@@ -8,14 +8,12 @@ import pytest
 from fpk_rocking import (
     Block,
     Body,
-    CycleOperator,
     Dimensions,
     Harmonic,
     NoNoise,
     Overturning,
     Scene,
     WhiteNoise,
-    solve_fpk,
 )
 from fpk_rocking.scene import limits
 
@@ -115,8 +113,6 @@ def test_blocks_that_are_refused(arguments, message):
 @pytest.mark.parametrize(
     ("use", "what"),
     [
-        (lambda: solve_fpk(SCENE, cycles=1), "the density"),
-        (lambda: CycleOperator(SCENE), "the operator of a cycle"),
         (lambda: SCENE.varied(noise=NoNoise()).white_equivalent(), "noise of equal Melnikov variance"),
     ],
 )
