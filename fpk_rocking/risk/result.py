@@ -69,7 +69,7 @@ class Study(Result):
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
     >>> racks = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
     >>> print(racks.records.shape, racks.trust.verdict)
-    (5, 8) caution
+    (5, 17) caution
     """
 
     fragility: Fragility
