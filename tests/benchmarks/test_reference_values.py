@@ -53,9 +53,8 @@ def test_the_density_keeps_to_the_values(name):
 
 @pytest.mark.parametrize("name", ["exact-band", "exact-start", "record-band", "exponential", "kanai-tajimi"])
 def test_sampling_keeps_to_the_values(name):
-    """Of 20,000 paths of another seed, 5,000 under rough noise. False alarms: below 1e-3 for each scene."""
-    row = ROWS[name]
-    size = 5_000 if row.scene.noise.kind == "filtered" else 20_000
+    """Of 20,000 paths of another seed. False alarms: below 1e-3 for each scene."""
+    row, size = ROWS[name], 20_000
     run = tally(row.scene, realizations=size, seed=77, **row.when)
     shares = np.column_stack([run.survival, run.overturned])[1:]
     for what, own in zip(CHANCES, shares.T, strict=True):

@@ -17,7 +17,8 @@ from fpk_rocking.density.patches import Gaussian
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space import Space, velocity_bound
-from fpk_rocking.density.step.characteristics import Noise, displaced, principal_axes
+from fpk_rocking.density.step.cell_paths import displaced
+from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.transient import Sticking
@@ -261,9 +262,9 @@ def test_white_noise_agrees_with_small_steps_of_another_scheme():
 
 
 def test_filtered_noise_agrees_with_paths():
-    """6,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
+    """20,000 event-driven paths: 4 standard errors are wrong once in 16,000 seeds."""
     scene = Scene(Block(0.7, critical_angle=0.29), Harmonic(4.2, 2.7, math.pi), FILTERED)
     run = FilteredPropagator(scene, discretization_of(plane_of(scene, 1), scene, 16, (7,), 8), 1e-8)
     density = run.propagate(scene.period * np.arange(3)).survival[1:]
-    paths = simulate(scene, cycles=2, realizations=6_000, seed=4, method="filtered").survival[1:]
-    assert density == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 6_000))
+    paths = simulate(scene, cycles=2, realizations=20_000, seed=4, method="filtered").survival[1:]
+    assert density == pytest.approx(paths, abs=2e-3 + 4.0 * math.sqrt(0.1 / 20_000))

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fpk_rocking.density.step.characteristics import trace_cells
+from fpk_rocking.density.step.cell_paths import trace_cells
 from fpk_rocking.density.step.dynamics import GaussPoints
 
 

@@ -83,7 +83,8 @@ def test_the_rate_of_a_refined_curve_is_by_its_points_and_within_its_limits():
 
 
 def shaken(count, realizations=60):
-    block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    noise = {"noise_rms_acceleration": 0.3, "noise_band_hz": (0, 8), "harmonics": 200}
+    block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", **noise)
     motions = synthetic_records(6, duration=4.0, rms=1.5)
     return study(block, motions, Hazard.power_law(1e-4, 2.5), np.geomspace(0.3, 3.0, count), realizations=realizations)
 
@@ -92,7 +93,7 @@ def test_with_noise_intensities_are_added_where_the_rate_comes_from():
     few, asked = shaken(4), np.geomspace(0.3, 3.0, 4)
     scale = few.fragility.scale
     assert np.isin(np.round(asked, 12), np.round(scale, 12)).all()
-    assert few.added == scale.size - 4 >= 2
+    assert few.added == scale.size - 4 > 2
     assert (np.diff(scale) > 0.0).all()
     assert few.moved <= 0.01
     assert f"{few.added} intensities were added" in few.text()

@@ -23,17 +23,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, scratch
-from fpk_rocking.base.jit import kernel, run_in_parts
+from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.dynamics import points_of_cell
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.collocation import advance_collocated
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     acceleration,
-    acceleration_gradient,
     dispatch_on_block,
     dispatch_on_sides,
     force_factor,
@@ -208,7 +206,7 @@ def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, end
         xn, vn, sn, _ = advance_through_events(
             x / unit, v / unit, side, path, 0.0, duration, near, None, 0.0, CHATTER_TIME
         )
-        _write_end(n, xn, vn, sn, side, near.cutoff, ends, flags)
+        write_end(n, xn, vn, sn, side, near.cutoff, ends, flags)
         ends[n, 0] *= unit
         ends[n, 1] *= unit
 
@@ -225,7 +223,7 @@ def _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, e
         add_path_correction(segment.particular, duration, noise.offsets[n, 0], noise.offsets[n, 1], scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
         xn, vn, sn, _ = _advance(x, v, side, path, duration, CHATTER_TIME, block)
-        _write_end(n, xn, vn, sn, side, block.cutoff, ends, flags)
+        write_end(n, xn, vn, sn, side, block.cutoff, ends, flags)
 
 
 @kernel(inline="always")
@@ -311,7 +309,7 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
             vl += half * nodes[n, 1] * force_factor(abs(xn), kicked, block)
             if xn == 0.0 and not rests:
                 sl = 1 if vl > 0.0 else -1
-        _write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
+        write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
 
 
 @kernel
@@ -321,7 +319,7 @@ def _overturned(side):
 
 
 @kernel
-def _write_end(n, x, v, side, if_rest, cutoff, ends, flags):
+def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
     """Write end (n, 2) and flag (n,) of node n by the path's angle, velocity and side at the end.
 
     `if_rest` is the flag where the side is 0; `cutoff` the angle of overturning.
@@ -367,7 +365,7 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
             dx, dv, inside = displacement_through_impact(early_x, early_v, time, rest, met, restitution)
             xn = far_x + dx + late_x
             if inside and 0.0 < -side * xn < cutoff:
-                _write_end(n, xn, far_v + dv + late_v, -side, -side, cutoff, ends, flags)
+                write_end(n, xn, far_v + dv + late_v, -side, -side, cutoff, ends, flags)
                 continue
         add_path_correction(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], time))
@@ -376,99 +374,4 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
             add_path_correction(late, rest, late_x / after, late_v / after, scratch[3])
             path = borrowed(segment_from_particular(scratch[3], scratch[1], rest))
             xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, CHATTER_TIME, block)
-        _write_end(n, xn, vn, sn, side, cutoff, ends, flags)
-
-
-_four_polynomials = scratch(4, TERMS)
-
-
-@kernel(inline="always")
-def _slender_displaced(x, v, side, time, displacement, segment, block):  # noqa: ARG001
-    """Return the state (x, v) of a slender block as it is; no other argument is used."""
-    return x, v
-
-
-@kernel
-def _exact_displaced(x, v, side, time, displacement, segment, block):
-    """Return the state (x, v) of an exact block on a side, displaced at a `time` of a `Segment`; see `displaced`."""
-    u, (force, slope) = side * x, value_and_slope(segment.force, time)
-    excess = acceleration(u, side, force, block) - acceleration(0.0, side, force, block) - u
-    gradient = acceleration_gradient(u, side, force, block) - 1.0
-    rise = slope * (force_factor(u, side, block) - force_factor(0.0, side, block))
-    return x - side * displacement * excess, v + displacement * (v * gradient + rise)
-
-
-displaced = dispatch_on_block(_slender_displaced, _exact_displaced)
-"""State (x, v) on a side, plus `displacement` times (-c, v ∂c/∂x + ∂c/∂t) of an exact block at a `time` of a `Segment`.
-
-`c` is the acceleration less that of the affine flights, see `free_flight`. States of the mesh are the real ones less
-this at duration²/24.
-"""
-
-
-@kernel
-def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
-    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_cells`.
-
-    `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the `Noise` in it.
-    """
-    scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
-    for p in range(len(x)):
-        for q in range(len(v)):
-            xp, vq = displaced(x[p], v[q], side, 0.0, displacement, segment, block)
-            trace_point(xp, vq, side, segment, block, noise, scratch, ends[p, q], flags[p, q])
-            if displacement > 0.0:
-                _displace_back(segment, block, noise.duration, displacement, ends[p, q], flags[p, q])
-
-
-@kernel
-def _displace_back(segment, block, duration, displacement, ends, flags):
-    """Replace the real ends (n, 2) of paths by states of the mesh, where `flags` (n,) are a side; see `displaced`.
-
-    `segment` is the forcing over the step of a `duration`. What is past the cut-off then has overturned.
-    """
-    for n in range(len(ends)):
-        side = flags[n]
-        if abs(side) == 1:
-            x, v = displaced(ends[n, 0], ends[n, 1], side, duration, -displacement, segment, block)
-            _write_end(n, x, v, side, side, block.cutoff, ends, flags)
-
-
-@kernel
-def _trace_all(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
-    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
-
-    `cells` (m, 2) are their indices. `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the
-    `Noise` in it.
-    """
-    cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
-    for c in range(begin, end):
-        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, displacement, ends[c], flags[c])
-
-
-def trace_cells(cells, points, segment, block, noise, displacement=0.0):
-    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise.
-
-    Parameters
-    ----------
-    cells : ndarray, shape (m, 2)
-        Angle and velocity index of each cell.
-    points : GaussPoints
-    segment : Segment
-    block : KernelBlock
-    noise : Noise
-    displacement : float
-        Of states of the mesh from the real ones (`displaced`), at begin and end.
-
-    Returns
-    -------
-    ends : ndarray, shape (m, g, h, n, 2)
-        Angle and velocity at the end of the step.
-    flags : ndarray, shape (m, g, h, n)
-        The side there, or an `Exit`.
-    """
-    shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
-    ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
-    parts = np.ascontiguousarray(cells), points, segment, block, noise, displacement, ends, flags
-    run_in_parts(_trace_all, len(cells), *parts)
-    return ends, flags
+        write_end(n, xn, vn, sn, side, cutoff, ends, flags)

@@ -9,7 +9,7 @@ they have the covariance of the flight, exactly (derived in docs/theory). Mass i
 What the acceleration of an exact block has beyond this, c, depends on angle and time alone: it is a kick of the
 velocity half way through the step, in which the noise by which lines of different angles differ diffuses them too. The
 middle of X Y X is the state half way but for a stretch: angle / cosh(t/2), velocity cosh(t/2). To first order in c,
-such a kick is the exact flight between states that are displaced a little (`characteristics.displaced`): its error is a
+such a kick is the exact flight between states that are displaced a little (`cell_paths.displaced`): its error is a
 total derivative, (t²/24) (-c, v ∂c/∂x + ∂c/∂t) at the end less that at the begin, which cancels from step to step. So a
 density on the mesh is one of displaced states; what is left is of second order in c, and of fourth in the step to first
 (derived in docs/theory).

@@ -15,7 +15,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.basis import find_cells, gauss_hermite_product, gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.space import Space
-from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_cells
+from fpk_rocking.density.step.cell_paths import trace_cells
+from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.dynamics import Dynamics, GaussPoints, event_cells
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.scatter import AffinePaths, Chunks, SourceCells, gather, scatter, sum_buffers

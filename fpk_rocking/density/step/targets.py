@@ -89,7 +89,7 @@ class Targets(NamedTuple):
         Parameters
         ----------
         ends, flags : ndarray
-            Of the paths of the further cells, see `characteristics.trace_cells`; the ends are overwritten.
+            Of the paths of the further cells, see `cell_paths.trace_cells`; the ends are overwritten.
         searches : tuple of CellSearch
             Of the target mesh in angle and velocity.
         first_positive : int

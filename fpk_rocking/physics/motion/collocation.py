@@ -30,9 +30,6 @@ from fpk_rocking.physics.motion.collocation_tables import (
 )
 from fpk_rocking.physics.motion.equation import (
     acceleration_scale,
-    chord_excludes_event,
-    curvature_bounds,
-    downward_root,
     restitution_from,
     saddle,
     segment_from_force,
@@ -42,6 +39,9 @@ from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
     Event,
     advance_through_events,
+    chord_excludes_event,
+    curvature_bounds,
+    downward_root,
     lift_off_time,
     record_impact,
     rest_or_flight,

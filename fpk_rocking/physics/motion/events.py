@@ -7,6 +7,7 @@ Bounds of the acceleration are all that is used, so it holds for slender and exa
 """
 
 import enum
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -235,3 +236,58 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
             if side == 0:
                 v, t = 0.0, t + delay
     return x, v, side, min(t, end)
+
+
+@kernel(fastmath={"contract", "reassoc"}, forceinline=True)
+def curvature_bounds(folded, bend):
+    """Half of the bounds of -u'' and of u'' over an interval, at least 0.
+
+    `folded` (TERMS,) are the coefficients of u in the time since the middle, and `bend` (TERMS,) is, for k > 2,
+    k (k - 1) times the half of the interval's duration to the power k - 2, else 0.
+    """
+    spread = 0.0
+    for k in range(folded.size):
+        spread += bend[k] * abs(folded[k])
+    return max(0.5 * spread - folded[2], 0.0), max(0.5 * spread + folded[2], 0.0)
+
+
+@kernel(fastmath={"contract"}, forceinline=True)
+def downward_root(q, half):
+    """Time in [-half, half] at which a polynomial falls through zero, and its slope there; 0, 0 if none is found.
+
+    `q` (TERMS,) are its coefficients.
+    """
+    square = q[1] * q[1] - 4.0 * q[2] * q[0]
+    if square <= 0.0:
+        return 0.0, 0.0
+    # Root of the first three terms, then one step of Newton's iteration on six.
+    root = math.sqrt(square)
+    t = 2.0 * q[0] / (root - q[1])
+    t += t * t * t * (q[3] + t * (q[4] + t * q[5])) / (root - t * t * (3.0 * q[3] + t * (4.0 * q[4] + t * 5.0 * q[5])))
+    least = 1e-7  # the last change of the time: the iteration converges cubically, in three rounds of these eight
+    for _ in range(8):
+        if not -half <= t <= half:
+            break
+        value, slope = value_and_slope(q, t)
+        if slope >= 0.0:
+            break
+        bend = t * (30.0 * q[6] + t * (42.0 * q[7] + t * (56.0 * q[8] + t * 72.0 * q[9])))
+        bend = 2.0 * q[2] + t * (6.0 * q[3] + t * (12.0 * q[4] + t * (20.0 * q[5] + bend)))
+        shift = -value / slope
+        shift *= 1.0 + 0.5 * shift * bend / slope
+        t += shift
+        if abs(shift) < least and abs(shift * bend) < -least * slope:
+            jerk = 6.0 * q[3] + t * (24.0 * q[4] + t * 60.0 * q[5])
+            return t, slope + shift * (bend + 0.5 * shift * jerk)
+    return 0.0, 0.0
+
+
+@kernel(forceinline=True)
+def chord_excludes_event(u, end, square, rise, fall, cutoff):
+    """Whether a flight surely has no event between its ends: the parabolas over its chord tell.
+
+    `u` and `end` are the folded angles at its ends, `square` is that of its duration, `rise` and `fall` are half of the
+    bounds of u'' and -u'', and `cutoff` is the angle of overturning.
+    """
+    higher, lower = max(u, end), min(u, end)
+    return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff

@@ -17,13 +17,14 @@ from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.equation import (
+from fpk_rocking.physics.motion.equation import segment_from_particular
+from fpk_rocking.physics.motion.events import (
+    advance_through_events,
     chord_excludes_event,
     curvature_bounds,
     downward_root,
-    segment_from_particular,
+    record_impact,
 )
-from fpk_rocking.physics.motion.events import advance_through_events, record_impact
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
 from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
 
