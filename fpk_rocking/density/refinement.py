@@ -121,8 +121,11 @@ def refine(
     solve: Callable[[Any, Level | None], Level],
     fits: Callable[[Level, Any], bool],
     is_done: Callable[[Refined], bool],
+    coarser: Sequence[Any] = (),
 ) -> Refined:
     """Solve on ever finer resolutions until the errors are small enough.
+
+    Where the first two agree, the third solution is coarser than both, and cheap, and not finer.
 
     Parameters
     ----------
@@ -134,6 +137,8 @@ def refine(
         Takes the last level and a resolution: whether there is memory for it. Not called for the first `SOLUTIONS`.
     is_done : callable
         Takes a `Refined`: whether it is good enough, or finer levels will not be.
+    coarser : sequence, optional
+        Resolutions coarser than the first, from coarse to fine.
 
     Returns
     -------
@@ -144,8 +149,11 @@ def refine(
         if number > SOLUTIONS and not fits(levels[-1], resolution):
             break
         levels.append(solve(resolution, levels[-1] if levels else None))
-        if number >= SOLUTIONS:
-            refined = estimate_errors(levels, len(resolutions) - number)
+        finer = len(resolutions) - number
+        if number == SOLUTIONS - 1 and coarser and is_done(estimate_errors(levels, finer)):
+            levels.insert(0, solve(coarser[-1], None))
+        if len(levels) >= SOLUTIONS:
+            refined = estimate_errors(levels, finer)
             if is_done(refined):
                 break
     return refined
@@ -154,11 +162,13 @@ def refine(
 def estimate_errors(levels: list[Level], finer: int) -> Refined:
     """Estimate the errors of the last of some levels, from its differences from the others: a `Refined`.
 
-    `levels` are three or more, from coarse to fine; `finer` is the number of resolutions that are left. Errors of bins
-    are sums over many and seldom small by chance, so the difference before the last counts less there.
+    `levels` are from coarse to fine; `finer` is the number of resolutions that are left. With two levels, where three
+    are needed for a trustworthy estimate, it is the least that a third can make of it. Errors of bins are sums over
+    many and seldom small by chance, so the difference before the last counts less there.
     """
     fine = levels[-1]
-    quantity, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
+    differences = [fine.differences(level) for level in levels[:-1]]
+    quantity, bins = zip(*(differences if differences[1:] else [(0.0, 0.0), *differences]), strict=True)
     bins_error = max(bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
     return Refined(levels, fine.error(safe_difference(quantity), bins[-1]), bins_error, finer)
 

@@ -298,9 +298,9 @@ class Resolution:
         rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
         noisy = TUNING.noisy_step * fast**2 / scene.noise.diffusion
         period = cycle_of(scene)
-        steps = self.steps / 16 * period / min(TUNING.resting_step if rests else moving, noisy)
+        steps = self.steps / 16 * period / min(moving, TUNING.resting_step if rests else moving, noisy)
         fewest = TUNING.steps_per_harmonic * period / scene.forcing.shortest_period
-        return _even(max(steps, 0.5 * self.steps, fewest))
+        return _even(max(steps, self.steps, fewest))
 
 
 def cycle_of(scene):
@@ -340,13 +340,13 @@ BEFORE = {1e-4: Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(
 def resolutions_for(tol, before):
     """List of `Resolution` for a tolerance of survival, from coarse to fine.
 
-    They are `before` ones, the one that usually suffices for `tol`, and all finer.
+    They are `before` ones, or as many as there are, the one that usually suffices for `tol`, and all finer.
     """
     listed = max(tolerance for tolerance in USUAL if tolerance <= tol)
-    chosen = list(RESOLUTIONS[USUAL[listed] - before :])
+    chosen, usual = list(RESOLUTIONS), USUAL[listed]
     if before and listed in BEFORE:
-        chosen[before - 1] = BEFORE[listed]
-    return chosen
+        chosen[usual - 1] = BEFORE[listed]
+    return chosen[max(usual - before, 0) :]
 
 
 def bins_tolerance(tol: float) -> float:

@@ -111,7 +111,9 @@ def solve_fpk(
     )
 
     motion = explore(white, times)
-    meshes = _discretizations(solved, white, motion, resolutions_for(tol, before=SOLUTIONS - 1))
+    meshes = _discretizations(solved, white, motion, resolutions_for(tol, before=SOLUTIONS))
+    first = len(meshes) - len(resolutions_for(tol, before=SOLUTIONS - 1))
+    coarser, meshes = meshes[:first], meshes[first:]
     usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, advances)
     refuse_large(usual.memory, usual.stored(advances), solved, advances)
     announce(solved, meshes[:SOLUTIONS], times, tol)
@@ -129,7 +131,11 @@ def solve_fpk(
         announce_finer(solved, before, mesh, times, level.seconds)
         return True
 
-    refined = refine(meshes, solve, fits, lambda refined: refined.within(tol, bins_tol) or _is_stagnated(refined))
+    def is_done(refined):
+        """Whether a `Refined` is within the tolerances, or finer solutions will not be."""
+        return refined.within(tol, bins_tol) or _is_stagnated(refined)
+
+    refined = refine(meshes, solve, fits, is_done, coarser)
 
     propagator, fine = refined.fine.solution
     at_rest = fine.at_rest
@@ -345,7 +351,7 @@ def _is_stagnated(refined):
     They are taken to gain twice as many digits of negative mass as the last. The first three solutions, of which each
     has hardly more cells than the one before, do not decide it.
     """
-    if len(refined.levels) == SOLUTIONS:
+    if len(refined.levels) <= SOLUTIONS:
         return False
     now, before = refined.fine.negative_mass, refined.coarse.negative_mass
     ratio = min(now / before, TUNING.negative_mass_ratio) if before > 0.0 else TUNING.negative_mass_ratio

@@ -67,6 +67,30 @@ def test_the_sides_count_where_survival_is_the_same():
     assert refinement.estimate_errors(levels, 0).error == pytest.approx(1.4 * 0.02)
 
 
+@pytest.mark.parametrize(
+    ("survival", "taken"),
+    [
+        ({1: 0.5, 2: 0.6, 3: 0.61, 4: 0.6101}, [1, 2, 3, 4]),
+        ({0: 0.504, 1: 0.501, 2: 0.5}, [1, 2, 0]),
+        ({0: 0.7, 1: 0.501, 2: 0.5, 3: 0.5}, [1, 2, 0, 3]),  # the coarsest is too far off to tell anything
+    ],
+)
+def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, taken):
+    solved = []
+
+    def solve(number, before):
+        assert before is None or before.solution == solved[-1] or solved[-1] == 0
+        solved.append(number)
+        quantity = np.array([survival[number]])
+        return refinement.Level(number, quantity, np.zeros((1, 1)), np.array([True]), max, 0.0, 0.0)
+
+    refined = refinement.refine(
+        [1, 2, 3, 4], solve, lambda *_: True, lambda refined: refined.within(0.003, 0.1), coarser=[0]
+    )
+    assert solved == taken
+    assert [level.solution for level in refined.levels] == sorted(taken)
+
+
 def test_the_error_at_rest_is_what_levels_tell_and_what_nodes_leave_unseen():
     rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
     solutions = [Solution(np.ones(2), np.zeros((2, 3)), None, rest, np.array([False, True])) for rest in rests]
@@ -148,7 +172,7 @@ def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allo
 )
 def test_hope_ends_where_negative_mass_falls_too_slowly(now, before, left, stagnated):
     fine, coarse = (types.SimpleNamespace(negative_mass=mass) for mass in (now, before))
-    assert solver._is_stagnated(refinement.Refined([coarse, fine], 0.0, 0.0, left)) is stagnated
+    assert solver._is_stagnated(refinement.Refined([coarse, coarse, coarse, fine], 0.0, 0.0, left)) is stagnated
 
 
 def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
@@ -224,8 +248,8 @@ def test_a_gaussian_that_its_patch_does_not_resolve_is_refused():
         solve_fpk(dataclasses.replace(MAIN, start=start), cycles=1, tol=1e-2)
 
 
-def test_slow_blocks_take_more_steps_unless_blocks_rest():
-    """As the root of the usual speed below 1; an exact block takes those of a slender one, and a pulse too."""
+def test_slow_blocks_take_more_steps():
+    """As the root of the usual speed below 1, and where blocks rest no fewer than for rest."""
 
     def steps(scene, speed):
         return RESOLUTIONS[6].adapted(scene, 4.0, StateRange(1.2, speed, (-1.2, 1.2), (-1.8, 1.8), 2.0)).steps
@@ -236,6 +260,15 @@ def test_slow_blocks_take_more_steps_unless_blocks_rest():
     assert steps(exact, 1.8) == 40
     pulse = dataclasses.replace(exact, forcing=Pulse("one-sine", 4.6, 2.7))
     assert steps(pulse, 1.8) == steps(pulse, 0.25) == steps(dataclasses.replace(pulse, block=MAIN.block), 1.8)
+    assert steps(pulse, 0.2) == steps(MAIN, 0.2) == pytest.approx(90, abs=2)
+
+
+def test_a_short_cycle_has_the_steps_of_the_main_one():
+    """The force changes as much in a cycle, however short that is."""
+    for resolution in RESOLUTIONS:
+        motion = StateRange(1.2, 1.8, (-1.2, 1.2), (-1.8, 1.8), 2.0)
+        quick = MAIN.varied(forcing={"frequency": 12.0})
+        assert resolution.adapted(quick, 4.0, motion).steps == resolution.adapted(MAIN, 4.0, motion).steps
 
 
 def test_meshes_and_steps_follow_what_the_block_does():
@@ -249,7 +282,9 @@ def test_meshes_and_steps_follow_what_the_block_does():
         mesh_of(shaken, RESOLUTIONS[2]) for shaken in (MAIN, scene(2.8, 9.5, 0.002), scene(0.8, 2.0, 0.002))
     )
     assert main.steps == 12
-    assert slow.steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
+    rare = scene(0.98, 2.0, 0.02)
+    assert mesh_of(rare, RESOLUTIONS[2]).steps == pytest.approx(12 / 16 * math.pi / 0.07, abs=2.0)
+    assert slow.steps > 12 / 16 * math.pi / 0.07
     quick = scene(2.8, 9.5, 0.002)
     motion = explore(quick, quick.period * np.arange(11))
     assert motion.angle < 0.2
