@@ -107,14 +107,15 @@ def divide_by_window(harmonics, parameters):
 
 @kernel(inline="always")
 def write_first_samples(samples, cycle, parameters):
-    """Write to `Samples` those of the noise for the first CHUNK intervals from a `cycle` on.
+    """Write to `Samples` the first CHUNK of the noise from a `cycle` on.
 
-    Of `Parameters` the grid is read.
+    Of `Parameters` the grid and `halvings` are read.
     """
-    harmonics, spacing = samples.harmonics, parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing)
+    harmonics, parts = samples.harmonics, 1 << parameters.halvings
+    spacing = parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing) * parts
     band.write_sample_rotations(harmonics, HALF, spacing)
     band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) / parameters.grid.count)
+    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) * parts / parameters.grid.count)
     _write_chunk(harmonics, samples.values)
     band.rotate_centre(harmonics, harmonics.hop)
     _write_chunk(harmonics, samples.values)
@@ -122,26 +123,37 @@ def write_first_samples(samples, cycle, parameters):
 
 @kernel(forceinline=True)
 def write_next_samples(samples, number, cycle, parameters):
-    """Write to `Samples` those for CHUNK intervals from a number on, if the last ones are used up.
+    """Write to `Samples` the next CHUNK, for the intervals from a number on, if the last ones are used up.
 
-    Returns whether so. `number` counts intervals from the begin of the run at `cycle`. Of `Parameters` the grid is
-    read.
+    Returns whether so. `number` counts intervals from the begin of the run at `cycle`. Of `Parameters` the grid and
+    `halvings` are read.
     """
-    used_up = number % CHUNK == 0 and number > 0
+    sample, part = sample_and_part(number, parameters)
+    used_up = part == 0 and sample % CHUNK == 0 and number > 0
     if used_up:
-        _write_further(samples.harmonics, samples.values, number, cycle, parameters.grid.count)
+        _write_further(samples.harmonics, samples.values, sample, cycle, parameters.grid.count, parameters.halvings)
     return used_up
 
 
+@kernel(forceinline=True)
+def sample_and_part(number, parameters):
+    """Number of the sample of the noise before an interval, and of the interval between that and the next.
+
+    `number` counts intervals from the begin of the run. Of `Parameters` `halvings` is read.
+    """
+    sample = number >> parameters.halvings
+    return sample, number - (sample << parameters.halvings)
+
+
 @kernel
-def _write_further(harmonics, values, number, cycle, intervals):
+def _write_further(harmonics, values, sample, cycle, intervals, halvings):
     """Move the centre of the harmonics on by a chunk, or set it anew now and then; write the chunk's samples.
 
-    `number` counts intervals from the begin of the run at `cycle`, which has `intervals` of them. `values` (WIDTH - 1 +
-    CHUNK,) are written.
+    `sample` counts samples, 2^`halvings` intervals apart, from the begin of the run at `cycle`, which has a number of
+    `intervals`. `values` (WIDTH - 1 + CHUNK,) are written.
     """
-    if number // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
-        centre = number + WIDTH // 2 + HALF
+    if sample // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
+        centre = (sample + WIDTH // 2 + HALF) << halvings
         band.set_centre(harmonics, cycle + centre // intervals, centre % intervals / intervals)
     else:
         band.rotate_centre(harmonics, harmonics.hop)
@@ -192,8 +204,8 @@ def _largest_noise(noise, harmonics):
 class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,): see `start_parameters`. `polynomials` (WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of
-    the noise. `zeros` (TERMS,). `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the
+    `start` (5,): see `start_parameters`. `halvings`: 2 to this power intervals lie between two samples of the noise.
+    `polynomials` (2^halvings, WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise. `zeros` (TERMS,). `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the
     forcing for an exact block. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at
     both ends of an interval a flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest.
     `envelope`: of the noise. `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`. `flight`: tables
@@ -204,6 +216,7 @@ class Parameters(NamedTuple):
     start: np.ndarray
     band: Band
     grid: TimeGrid
+    halvings: int
     polynomials: np.ndarray
     compensation: np.ndarray
     ratio_scale: float
@@ -243,7 +256,7 @@ class Response(NamedTuple):
 class Collocation(NamedTuple):
     """Tables of the flights of an exact block.
 
-    `values` (WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m, NODES) and
+    `values` (2^halvings WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m, NODES) and
     `envelope` (m, NODES), (0, NODES) without one: their values there. `steps`: see `physics.motion.collocation`.
     """
 
@@ -260,11 +273,14 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     """
     forcing, envelope, exact = scene.forcing, scene.noise.envelope, scene.block.critical_angle > 0.0
     longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
-    if scene.noise.kind == "band":
-        longest = min(longest, math.pi / (OVERSAMPLING * scene.noise.band[1]))
-    grid = time_grid(scene, longest, times)
+    sampling = math.pi / (OVERSAMPLING * scene.noise.band[1]) if scene.noise.kind == "band" else math.inf
+    grid = time_grid(scene, min(longest, sampling), times)
     half, middles = 0.5 * grid.spacing, (np.arange(grid.count) + 0.5) * grid.spacing
-    harmonics, polynomials = band_of_scene(scene, grid.duration), interpolant_polynomials(grid.spacing)
+    # The samples of a record lie closer than those that its noise needs. A cycle has a whole number of either.
+    apart = exact and not scene.repeats and scene.noise.kind == "band"
+    halvings = int(math.log2(sampling / grid.spacing * (1.0 + 1e-12))) if apart else 0
+    polynomials = interpolant_polynomials(grid.spacing, 1 << halvings)
+    harmonics = band_of_scene(scene, grid.duration)
     particular = forcing.pieces(middles)
     low, high = np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
@@ -273,17 +289,18 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     if exact:
         flight = _collocation(force_series(particular), envelope, polynomials, middles, grid.spacing)
     elif envelope is not None:
-        flight = _response(particular, polynomials, parts.strength.shape[1], half)
+        flight = _response(particular, polynomials[0], parts.strength.shape[1], half)
     else:
-        flight = _closed_form(particular, polynomials, half)
+        flight = _closed_form(particular, polynomials[0], half)
     return Parameters(
         block_of_scene(scene),
         start_parameters(scene.start),
         harmonics,
         grid,
+        halvings,
         polynomials,
         band.window_compensation(),
-        2.0 * OVERSAMPLING / grid.count,
+        2.0 * OVERSAMPLING / grid.count * (1 << halvings),
         np.zeros(TERMS),
         force_series(particular) if exact else particular,
         *_eventless_angles(low - loudest, high + loudest, grid.spacing, block_of_scene(scene)),
@@ -336,7 +353,7 @@ def _response(particular, polynomials, order, half):
 
 
 def _collocation(force, envelope, polynomials, middles, spacing):
-    """Return `Collocation` from the forcing (m, TERMS) and the polynomials of the interpolant (WIDTH, TERMS).
+    """Return `Collocation` from the forcing (m, TERMS) and the polynomials of the interpolant (parts, WIDTH, TERMS).
 
     `force` is in the time since the intervals' `middles` (m,), which are since τ = 0, `spacing` apart; `envelope`: or
     None.
@@ -344,7 +361,8 @@ def _collocation(force, envelope, polynomials, middles, spacing):
     times = 0.5 * spacing * (2.0 * PLACES - 1.0)
     powers = times ** np.arange(TERMS)[:, None]
     strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
-    return Collocation(polynomials @ powers, force @ powers, strength, collocation_tables.flight_tables(spacing))
+    values = (polynomials @ powers).reshape(-1, NODES)
+    return Collocation(values, force @ powers, strength, collocation_tables.flight_tables(spacing))
 
 
 def _eventless_angles(low, high, spacing, block):

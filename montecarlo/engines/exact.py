@@ -36,6 +36,7 @@ from montecarlo.engines.band_noise import (
     draw_start_and_noise,
     interpolate,
     parameters_of,
+    sample_and_part,
     workspace_of,
     write_first_samples,
     write_next_samples,
@@ -119,7 +120,7 @@ def _build_particular(number, j, parameters, workspace):
     `Workspace` of `band_noise`.
     """
     particular, samples = workspace.interval.particular, workspace.samples.values
-    interpolate(particular, parameters.forced[j], parameters.polynomials, samples, number % CHUNK)
+    interpolate(particular, parameters.forced[j], parameters.polynomials[0], samples, number % CHUNK)
 
 
 @kernel(inline="always")
@@ -243,7 +244,8 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return False, state
     tables, block = parameters.flight, parameters.block
-    push = noise_at_points(tables.values, workspace.samples.values, number % CHUNK)
+    sample, part = sample_and_part(number, parameters)
+    push = noise_at_points(tables.values, part, workspace.samples.values, sample % CHUNK)
     if tables.envelope.shape[0] > 0:
         push = load(tables.envelope, j) * push
     u, push = side * x, side * (load(tables.forcing, j) + push)
@@ -262,7 +264,7 @@ def _build_noise_slender(number, j, parameters, workspace):  # noqa: ARG001
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. j is not used.
     """
-    k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials
+    k, samples, polynomials = number % CHUNK, workspace.samples.values, parameters.polynomials[0]
     for n in range(TERMS):
         value = 0.0
         for i in range(WIDTH):
@@ -277,7 +279,9 @@ def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
     It is a polynomial in the time since the middle of the interval `number`, counted from the begin of the run.
     `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. j is not used.
     """
-    interpolate(workspace.noise, parameters.zeros, parameters.polynomials, workspace.samples.values, number % CHUNK)
+    sample, part = sample_and_part(number, parameters)
+    samples, polynomials = workspace.samples.values, parameters.polynomials[part]
+    interpolate(workspace.noise, parameters.zeros, polynomials, samples, sample % CHUNK)
 
 
 @kernel(inline="always")

@@ -202,31 +202,35 @@ def _pair(out, half, offset, even, odd):
         out[half - offset] += even + odd
 
 
-def interpolant_polynomials(spacing: float) -> Array:
-    """Polynomials of the interpolant between two samples.
+def interpolant_polynomials(spacing: float, parts: int = 1) -> Array:
+    """Polynomials of the interpolant between two samples, in equal parts of the time between them.
 
     Parameters
     ----------
     spacing : float
-        Distance d of the samples, nondimensional.
+        Duration of a part, nondimensional: the distance d of the samples over the number of parts.
+    parts : int
+        Their number.
 
     Returns
     -------
-    ndarray, shape (WIDTH, TERMS)
-        Row i belongs to sample i - WIDTH/2 + 1 (0: at the interval's begin, 1: at its end); coefficients in the time
-        since the interval's middle.
+    ndarray, shape (parts, WIDTH, TERMS)
+        Row i belongs to sample i - WIDTH/2 + 1 (0: before the parts, 1: after them); coefficients in the time since the
+        middle of the part.
     """
-    return (_window_pieces() * (2.0 / np.longdouble(spacing)) ** np.arange(TERMS, dtype=np.longdouble)).astype(float)
+    powers = (2.0 / np.longdouble(spacing)) ** np.arange(TERMS, dtype=np.longdouble)
+    return np.array([(_window_pieces(part, parts) * powers).astype(float) for part in range(parts)])
 
 
 @functools.cache
-def _window_pieces():
-    """Polynomials (WIDTH, TERMS) of `interpolant_polynomials` for samples 2 apart; not to be written to."""
+def _window_pieces(part, parts):
+    """Polynomials (WIDTH, TERMS) of one part in `interpolant_polynomials`, for parts of duration 2; not written to."""
     # In long double where there is one: rounding of the window is what limits the derivative otherwise.
     order = np.arange(TERMS, dtype=np.longdouble)
     angles = np.longdouble("3.14159265358979323846264") * (order + 0.5) / TERMS
     nodes = np.cos(angles)
-    window = _bessel(1.0 - ((nodes - 2.0 * order[:WIDTH, None] + (WIDTH - 1.0)) / WIDTH) ** 2) / _bessel(1.0)
+    places = (nodes + (2 * part + 1 - parts)) / parts
+    window = _bessel(1.0 - ((places - 2.0 * order[:WIDTH, None] + (WIDTH - 1.0)) / WIDTH) ** 2) / _bessel(1.0)
     rows = window @ np.cos(order * angles[:, None]) * (2.0 / TERMS)
     rows[:, 0] *= 0.5
     return np.array([np.polynomial.chebyshev.cheb2poly(row) for row in rows])
@@ -293,16 +297,19 @@ def noise_slope(samples, k, slopes):
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def noise_at_points(values, g, k):
+def noise_at_points(values, part, g, k):
     """Noise at the NODES points of an interval, a SIMD vector, without the factor of its envelope.
 
-    `values` (WIDTH, NODES): as of `Collocation`; g: samples of a chunk, those of this interval from number k on.
+    `values` (parts WIDTH, NODES): as of `Collocation`; `part`: number of the interval between two samples; g: samples
+    of a chunk, those of this interval from number k on.
     """
-    first = load(values, 0) * g[k] + load(values, 1) * g[k + 1]
-    second = load(values, 2) * g[k + 2] + load(values, 3) * g[k + 3]
+    row = WIDTH * part
+    first = load(values, row) * g[k] + load(values, row + 1) * g[k + 1]
+    second = load(values, row + 2) * g[k + 2] + load(values, row + 3) * g[k + 3]
     for i in range(4, WIDTH, 4):
-        first = first + (load(values, i) * g[k + i] + load(values, i + 1) * g[k + i + 1])
-        second = second + (load(values, i + 2) * g[k + i + 2] + load(values, i + 3) * g[k + i + 3])
+        n = row + i
+        first = first + (load(values, n) * g[k + i] + load(values, n + 1) * g[k + i + 1])
+        second = second + (load(values, n + 2) * g[k + i + 2] + load(values, n + 3) * g[k + i + 3])
     return first + second
 
 
