@@ -125,7 +125,7 @@ def refine(
 ) -> Refined:
     """Solve on ever finer resolutions until the errors are small enough.
 
-    Where the first two agree, the third solution is coarser than both, and cheap, and not finer.
+    Where the first two agree well, the third solution is coarser than both, and cheap, and not finer.
 
     Parameters
     ----------
@@ -162,13 +162,14 @@ def refine(
 def estimate_errors(levels: list[Level], finer: int) -> Refined:
     """Estimate the errors of the last of some levels, from its differences from the others: a `Refined`.
 
-    `levels` are from coarse to fine; `finer` is the number of resolutions that are left. With two levels, where three
-    are needed for a trustworthy estimate, it is the least that a third can make of it. Errors of bins are sums over
-    many and seldom small by chance, so the difference before the last counts less there.
+    `levels` are from coarse to fine; `finer` is the number of resolutions that are left. Two levels may agree by
+    chance: their difference counts twice. Errors of bins are sums over many and seldom small by chance, so the
+    difference before the last counts less there.
     """
     fine = levels[-1]
-    differences = [fine.differences(level) for level in levels[:-1]]
-    quantity, bins = zip(*(differences if differences[1:] else [(0.0, 0.0), *differences]), strict=True)
+    quantity, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
+    if len(levels) == SOLUTIONS - 1:
+        quantity, bins = (0.0, 2.0 * quantity[0]), (bins[0], bins[0])
     bins_error = max(bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
     return Refined(levels, fine.error(safe_difference(quantity), bins[-1]), bins_error, finer)
 

@@ -1,9 +1,8 @@
-"""Band noise (a sum of harmonics) in engines: drawn, sampled in chunks as a realization goes on, and its envelope.
+"""Band noise (a sum of harmonics) in engines: how it is drawn, and the tables of a scene with it.
 
 All of a realization's noise is drawn with its start: frequencies and phases of the harmonics. What makes functions of
-time of them is `fpk_rocking.physics.noise.band`. The engine `exact` needs the noise over each interval of its grid: a
-polynomial, the product of `WIDTH` samples and the polynomials of an interpolant (`bandlimited`). It makes the samples
-of `CHUNK` intervals at once. `Parameters` and `Workspace` are what the three kinds of flight of that engine share.
+time of them is `fpk_rocking.physics.noise.band`; `noise_samples` samples them as a realization goes on. `Parameters`
+and `Workspace` are what the three kinds of flight of the engine `exact` share.
 """
 
 import math
@@ -18,17 +17,12 @@ from fpk_rocking.physics.motion.collocation_tables import NODES, PLACES
 from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, force_bounds
 from fpk_rocking.physics.motion.events import can_lift_off, chord_clearance
 from fpk_rocking.physics.motion.slender_interval import Interval, interval_tables
-from fpk_rocking.physics.noise import band
-from fpk_rocking.physics.noise.band import OVERSAMPLING, WIDTH, evaluate_compensation, interpolant_polynomials
+from fpk_rocking.physics.noise.band import OVERSAMPLING, interpolant_polynomials, window_compensation
 from fpk_rocking.physics.noise.envelope import EnvelopePieces, envelope_pieces, largest_envelope
 from montecarlo.engines.engine import TimeGrid, time_grid
+from montecarlo.engines.noise_samples import CHUNK, Samples, allocate_samples
 from montecarlo.engines.random import draw_start, start_parameters, uniform, uniform_pairs
 from montecarlo.tuning import TUNING
-
-HALF = 8
-"""Samples on each side of the centre of a chunk of noise."""
-
-CHUNK = 2 * HALF + 1
 
 
 class Band(NamedTuple):
@@ -80,117 +74,6 @@ def draw_start_and_noise(stream, start, band, harmonics):
     return angle, velocity
 
 
-class Samples(NamedTuple):
-    """Harmonics of the interpolant of a realization, and its last samples (WIDTH - 1 + CHUNK,), CHUNK of them new."""
-
-    harmonics: band.Realization
-    values: np.ndarray
-
-
-@kernel
-def allocate_samples(harmonics):
-    """Allocate `Samples` for a number of harmonics, which are not drawn yet."""
-    return Samples(band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK))
-
-
-@kernel
-def divide_by_window(harmonics, parameters):
-    """Turn the weights of the harmonics, in place, from those of the noise into those of its interpolant.
-
-    `harmonics`: a `band.Realization`; of `Parameters`, `compensation` and `ratio_scale` are read.
-    """
-    for n in range(harmonics.ratios.size):
-        harmonics.weights[n] *= evaluate_compensation(
-            parameters.compensation, harmonics.ratios[n] * parameters.ratio_scale
-        )
-
-
-@kernel(inline="always")
-def write_first_samples(samples, cycle, parameters):
-    """Write to `Samples` the first CHUNK of the noise from a `cycle` on.
-
-    Of `Parameters` the grid and `halvings` are read.
-    """
-    harmonics, parts = samples.harmonics, 1 << parameters.halvings
-    spacing = parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing) * parts
-    band.write_sample_rotations(harmonics, HALF, spacing)
-    band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
-    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) * parts / parameters.grid.count)
-    _write_chunk(harmonics, samples.values)
-    band.rotate_centre(harmonics, harmonics.hop)
-    _write_chunk(harmonics, samples.values)
-
-
-@kernel(forceinline=True)
-def write_next_samples(samples, number, cycle, parameters):
-    """Write to `Samples` the next CHUNK, for the intervals from a number on, if the last ones are used up.
-
-    Returns whether so. `number` counts intervals from the begin of the run at `cycle`. Of `Parameters` the grid and
-    `halvings` are read.
-    """
-    sample, part = sample_and_part(number, parameters)
-    used_up = part == 0 and sample % CHUNK == 0 and number > 0
-    if used_up:
-        _write_further(samples.harmonics, samples.values, sample, cycle, parameters.grid.count, parameters.halvings)
-    return used_up
-
-
-@kernel(forceinline=True)
-def sample_and_part(number, parameters):
-    """Number of the sample of the noise before an interval, and of the interval between that and the next.
-
-    `number` counts intervals from the begin of the run. Of `Parameters` `halvings` is read.
-    """
-    sample = number >> parameters.halvings
-    return sample, number - (sample << parameters.halvings)
-
-
-@kernel
-def _write_further(harmonics, values, sample, cycle, intervals, halvings):
-    """Move the centre of the harmonics on by a chunk, or set it anew now and then; write the chunk's samples.
-
-    `sample` counts samples, 2^`halvings` intervals apart, from the begin of the run at `cycle`, which has a number of
-    `intervals`. `values` (WIDTH - 1 + CHUNK,) are written.
-    """
-    if sample // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
-        centre = (sample + WIDTH // 2 + HALF) << halvings
-        band.set_centre(harmonics, cycle + centre // intervals, centre % intervals / intervals)
-    else:
-        band.rotate_centre(harmonics, harmonics.hop)
-    _write_chunk(harmonics, values)
-
-
-@kernel(fastmath={"contract"})
-def _write_chunk(harmonics, values):
-    """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1 before them.
-
-    `harmonics`: a `band.Realization`; `values`: (WIDTH - 1 + CHUNK,).
-    """
-    for k in range(WIDTH - 1):
-        values[k] = values[k + CHUNK]
-    values[WIDTH - 1 :] = 0.0
-    band.add_samples(harmonics, HALF, values[WIDTH - 1 :])
-
-
-# Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
-@kernel(fastmath={"contract"}, forceinline=True)
-def interpolate(out, base, s, g, k):
-    """Write to `out` (n,) `base` (n,) plus the noise in an interval, from the samples g number k, k + 1, ...
-
-    These are multiplied by the columns of s (WIDTH, n). With the polynomials of the interpolant the result is the noise
-    as a polynomial, with their values its values.
-    """
-    a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
-    k += 8
-    b0, b1, b2, b3, b4, b5, b6, b7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
-    for n in range(out.size):
-        first = (a0 * s[0, n] + a1 * s[1, n]) + (a2 * s[2, n] + a3 * s[3, n])
-        second = (a4 * s[4, n] + a5 * s[5, n]) + (a6 * s[6, n] + a7 * s[7, n])
-        third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
-        fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
-        out[n] = base[n] + ((first + second) + (third + fourth))
-
-
 def _largest_noise(noise, harmonics):
     """Return a bound of band noise without the factor of its envelope, or 0 without noise; `harmonics`: its `Band`.
 
@@ -205,11 +88,11 @@ class Parameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
     `start` (5,): see `start_parameters`. `halvings`: 2 to this power intervals lie between two samples of the noise.
-    `polynomials` (2^halvings, WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise. `zeros` (TERMS,). `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the
-    forcing for an exact block. `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at
-    both ends of an interval a flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest.
-    `envelope`: of the noise. `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`. `flight`: tables
-    of a kind of flight.
+    `polynomials` (2^halvings, WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise. `zeros` (TERMS,).
+    `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the forcing for an exact block.
+    `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
+    flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest. `envelope`: of the noise.
+    `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`. `flight`: tables of a kind of flight.
     """
 
     block: KernelBlock
@@ -256,13 +139,15 @@ class Response(NamedTuple):
 class Collocation(NamedTuple):
     """Tables of the flights of an exact block.
 
-    `values` (2^halvings WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m, NODES) and
-    `envelope` (m, NODES), (0, NODES) without one: their values there. `steps`: see `physics.motion.collocation`.
+    `values` (2^halvings WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m,
+    NODES) and `envelope` (m, NODES), (0, NODES) without one: their values there. `slack` (m,): how far the force may
+    pass its values there in the interval, inf with an envelope. `steps`: see `physics.motion.collocation`.
     """
 
     values: np.ndarray
     forcing: np.ndarray
     envelope: np.ndarray
+    slack: np.ndarray
     steps: collocation_tables.FlightTables
 
 
@@ -287,7 +172,11 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
     loudest = _largest_noise(scene.noise, harmonics) * largest_envelope(envelope, grid)
     parts = envelope_pieces(envelope, middles, half, TUNING.envelope_order)
     if exact:
-        flight = _collocation(force_series(particular), envelope, polynomials, middles, grid.spacing)
+        fastest = scene.noise.band[1] if harmonics.harmonics else 0.0
+        loud = math.inf if envelope is not None else _largest_noise(scene.noise, harmonics) * fastest
+        flight = _collocation(
+            force_series(particular), envelope, polynomials, middles, grid.spacing, (loud, loud * fastest)
+        )
     elif envelope is not None:
         flight = _response(particular, polynomials[0], parts.strength.shape[1], half)
     else:
@@ -299,7 +188,7 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
         grid,
         halvings,
         polynomials,
-        band.window_compensation(),
+        window_compensation(),
         2.0 * OVERSAMPLING / grid.count * (1 << halvings),
         np.zeros(TERMS),
         force_series(particular) if exact else particular,
@@ -317,7 +206,7 @@ def scaled_parameters(parameters, factor):
     """
     flight, forced = parameters.flight, factor * parameters.forced
     if isinstance(flight, Collocation):
-        force, flight = forced, flight._replace(forcing=factor * flight.forcing)
+        force, flight = forced, flight._replace(forcing=factor * flight.forcing, slack=factor * flight.slack)
     else:
         force, flight = force_series(forced), flight._replace(node=factor * flight.node)
     spread = np.abs(force[:, 1:]) @ (0.5 * parameters.grid.spacing) ** np.arange(1, TERMS)
@@ -352,17 +241,22 @@ def _response(particular, polynomials, order, half):
     return Response(noise, over_an_interval(particular).T.copy())
 
 
-def _collocation(force, envelope, polynomials, middles, spacing):
+def _collocation(force, envelope, polynomials, middles, spacing, noise_bounds):
     """Return `Collocation` from the forcing (m, TERMS) and the polynomials of the interpolant (parts, WIDTH, TERMS).
 
     `force` is in the time since the intervals' `middles` (m,), which are since τ = 0, `spacing` apart; `envelope`: or
-    None.
+    None. `noise_bounds`: of the first and the second derivative of the noise.
     """
     times = 0.5 * spacing * (2.0 * PLACES - 1.0)
-    powers = times ** np.arange(TERMS)[:, None]
+    order, half = np.arange(TERMS), 0.5 * spacing
+    powers = times ** order[:, None]
     strength = np.empty((0, NODES)) if envelope is None else envelope.value(middles[:, None] + times)
     values = (polynomials @ powers).reshape(-1, NODES)
-    return Collocation(values, force @ powers, strength, collocation_tables.flight_tables(spacing))
+    # Beside the outer points the force changes by its slope, between two it leaves the chord by its curvature.
+    slope = np.abs(force[:, 1:]) @ (order[1:] * half ** order[:-1]) + noise_bounds[0]
+    bend = np.abs(force[:, 2:]) @ (order[2:] * order[1:-1] * half ** order[:-2]) + noise_bounds[1]
+    slack = np.maximum(spacing * PLACES[0] * slope, 0.125 * (spacing * np.diff(PLACES).max()) ** 2 * bend)
+    return Collocation(values, force @ powers, strength, slack, collocation_tables.flight_tables(spacing))
 
 
 def _eventless_angles(low, high, spacing, block):

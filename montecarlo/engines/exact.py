@@ -18,45 +18,26 @@ import math
 from fpk_rocking.base.arrays import borrowed, load, store
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
+from fpk_rocking.physics.motion.collocation_tables import NODES
 from fpk_rocking.physics.motion.equation import dispatch_on_block, particular_from_rest, segment_from_particular
-from fpk_rocking.physics.motion.events import advance_through_events
+from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, homogeneous_flight
 from fpk_rocking.physics.motion.impact import side_of_start
 from fpk_rocking.physics.motion.slender_interval import cross_interval, state_in_interval
-from fpk_rocking.physics.noise.band import (
-    WIDTH,
-    divide_by_stiffness,
-    noise_at_points,
-    noise_slope,
-    write_product,
-)
-from montecarlo.engines.band_noise import (
+from fpk_rocking.physics.noise.band import WIDTH, divide_by_stiffness, noise_at_points, noise_slope, write_product
+from montecarlo.engines.band_noise import draw_start_and_noise, parameters_of, workspace_of
+from montecarlo.engines.engine import Engine
+from montecarlo.engines.noise_samples import (
     CHUNK,
     divide_by_window,
-    draw_start_and_noise,
     interpolate,
-    parameters_of,
     sample_and_part,
-    workspace_of,
     write_first_samples,
     write_next_samples,
+    write_nodes,
 )
-from montecarlo.engines.engine import Engine
 
 # ----------------------------------------------------------------------------------------- a slender block, closed form
-
-
-@kernel(fastmath={"contract"})
-def _write_nodes(samples, node, ends):
-    """Write `node` (CHUNK,), the noise's share of P at the ends of the intervals that new samples complete.
-
-    `samples` (WIDTH - 1 + CHUNK,) of the noise; `ends` (2, WIDTH): as of `ClosedForm`.
-    """
-    node[:] = 0.0
-    for i in range(0, WIDTH, 4):
-        a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
-        for k in range(CHUNK):
-            node[k] += (a * samples[k + i] + b * samples[k + i + 1]) + (c * samples[k + i + 2] + d * samples[k + i + 3])
 
 
 @kernel(inline="always")
@@ -72,7 +53,7 @@ def _begin_closed(stream, cycle, parameters, workspace):
     ratios, frequency = samples.harmonics.ratios, 2.0 * math.pi / (parameters.grid.count * parameters.grid.spacing)
     divide_by_stiffness(ratios, samples.harmonics.weights, frequency, parameters.compensation, parameters.ratio_scale)
     write_first_samples(samples, cycle, parameters)
-    _write_nodes(samples.values, workspace.node, parameters.flight.ends)
+    write_nodes(samples.values, workspace.node, parameters.flight.ends)
     _build_particular(0, 0, parameters, workspace)
     grow, decay = exponential_parts(x, v, side, workspace.interval.particular, -workspace.interval.half)
     return (x, v), (grow, decay, abs(x))
@@ -86,7 +67,7 @@ def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG0
     `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     if write_next_samples(workspace.samples, number, cycle, parameters):
-        _write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
+        write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
 
 
 @kernel(inline="always")
@@ -230,6 +211,20 @@ def _try_response(state, side, number, j, parameters, workspace):
     return _is_eventless(side * x, side * end[0], side, j, parameters), end
 
 
+@kernel(forceinline=True)
+def _surely_rests(force, slack, scratch, block):
+    """Whether a block surely stays at rest in an interval.
+
+    `force` is f at the points, `Lanes`, and `slack` how far it may pass these values; `scratch` (1, NODES) is written
+    to, and `block` is a `KernelBlock`.
+    """
+    store(scratch, 0, force)
+    low, high = scratch[0, 0], scratch[0, 0]
+    for n in range(1, NODES):
+        low, high = min(low, scratch[0, n]), max(high, scratch[0, n])
+    return not can_lift_off(low - slack, high + slack, block)
+
+
 @kernel(inline="always")
 def _try_collocation(state, side, number, j, parameters, workspace):
     """Whether interval j surely has no event for an exact block, and (angle, velocity) at its end if so.
@@ -239,7 +234,7 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
-    if side == 0:
+    if side == 0 and (parameters.stays[j] or parameters.flight.slack[j] == math.inf):
         return parameters.stays[j], state
     if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return False, state
@@ -248,7 +243,10 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     push = noise_at_points(tables.values, part, workspace.samples.values, sample % CHUNK)
     if tables.envelope.shape[0] > 0:
         push = load(tables.envelope, j) * push
-    u, push = side * x, side * (load(tables.forcing, j) + push)
+    push = load(tables.forcing, j) + push
+    if side == 0:
+        return _surely_rests(push, tables.slack[j], workspace.acceleration, block), state
+    u, push = side * x, side * push
     end, speed, acceleration, converged = collocation.fly_by_tables(
         u, side * v, side, push, tables.steps, parameters.grid.spacing, block
     )

@@ -1,0 +1,144 @@
+"""Samples of band noise, in chunks as a realization goes on, and what is interpolated from them.
+
+The engine `exact` needs the noise over each interval of its grid: a polynomial, the product of `WIDTH` samples and the
+polynomials of an interpolant (`physics.noise.band`). It makes `CHUNK` samples at once. Of the engine's `Parameters`
+(`band_noise`) the grid, `halvings` and the interpolant are read.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.jit import kernel
+from fpk_rocking.physics.noise import band
+from fpk_rocking.physics.noise.band import WIDTH, evaluate_compensation
+
+HALF = 8
+"""Samples on each side of the centre of a chunk of noise."""
+
+CHUNK = 2 * HALF + 1
+
+
+class Samples(NamedTuple):
+    """Harmonics of the interpolant of a realization, and its last samples (WIDTH - 1 + CHUNK,), CHUNK of them new."""
+
+    harmonics: band.Realization
+    values: np.ndarray
+
+
+@kernel
+def allocate_samples(harmonics):
+    """Allocate `Samples` for a number of harmonics, which are not drawn yet."""
+    return Samples(band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK))
+
+
+@kernel
+def divide_by_window(harmonics, parameters):
+    """Turn the weights of the harmonics, in place, from those of the noise into those of its interpolant.
+
+    `harmonics`: a `band.Realization`; of `Parameters`, `compensation` and `ratio_scale` are read.
+    """
+    for n in range(harmonics.ratios.size):
+        harmonics.weights[n] *= evaluate_compensation(
+            parameters.compensation, harmonics.ratios[n] * parameters.ratio_scale
+        )
+
+
+@kernel(inline="always")
+def write_first_samples(samples, cycle, parameters):
+    """Write to `Samples` the first CHUNK of the noise from a `cycle` on.
+
+    Of `Parameters` the grid and `halvings` are read.
+    """
+    harmonics, parts = samples.harmonics, 1 << parameters.halvings
+    spacing = parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing) * parts
+    band.write_sample_rotations(harmonics, HALF, spacing)
+    band.write_rotation(harmonics.ratios, CHUNK * spacing, harmonics.hop[0], harmonics.hop[1])
+    band.set_centre(harmonics, cycle, (WIDTH // 2 + HALF - CHUNK) * parts / parameters.grid.count)
+    _write_chunk(harmonics, samples.values)
+    band.rotate_centre(harmonics, harmonics.hop)
+    _write_chunk(harmonics, samples.values)
+
+
+@kernel(forceinline=True)
+def write_next_samples(samples, number, cycle, parameters):
+    """Write to `Samples` the next CHUNK, for the intervals from a number on, if the last ones are used up.
+
+    Returns whether so. `number` counts intervals from the begin of the run at `cycle`. Of `Parameters` the grid and
+    `halvings` are read.
+    """
+    sample, part = sample_and_part(number, parameters)
+    used_up = part == 0 and sample % CHUNK == 0 and number > 0
+    if used_up:
+        _write_further(samples.harmonics, samples.values, sample, cycle, parameters.grid.count, parameters.halvings)
+    return used_up
+
+
+@kernel(forceinline=True)
+def sample_and_part(number, parameters):
+    """Return the number of the last sample of the noise before an interval, and that of the interval after it.
+
+    The second counts the intervals between two samples from 0. `number` counts intervals from the begin of the run. Of
+    `Parameters` `halvings` is read.
+    """
+    sample = number >> parameters.halvings
+    return sample, number - (sample << parameters.halvings)
+
+
+@kernel
+def _write_further(harmonics, values, sample, cycle, intervals, halvings):
+    """Move the centre of the harmonics on by a chunk, or set it anew now and then; write the chunk's samples.
+
+    `sample` counts samples, 2^`halvings` intervals apart, from the begin of the run at `cycle`, which has a number of
+    `intervals`. `values` (WIDTH - 1 + CHUNK,) are written.
+    """
+    if sample // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
+        centre = (sample + WIDTH // 2 + HALF) << halvings
+        band.set_centre(harmonics, cycle + centre // intervals, centre % intervals / intervals)
+    else:
+        band.rotate_centre(harmonics, harmonics.hop)
+    _write_chunk(harmonics, values)
+
+
+@kernel(fastmath={"contract"})
+def _write_chunk(harmonics, values):
+    """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1 before them.
+
+    `harmonics`: a `band.Realization`; `values`: (WIDTH - 1 + CHUNK,).
+    """
+    for k in range(WIDTH - 1):
+        values[k] = values[k + CHUNK]
+    values[WIDTH - 1 :] = 0.0
+    band.add_samples(harmonics, HALF, values[WIDTH - 1 :])
+
+
+# Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
+@kernel(fastmath={"contract"}, forceinline=True)
+def interpolate(out, base, s, g, k):
+    """Write to `out` (n,) `base` (n,) plus the noise in an interval, from the samples g number k, k + 1, ...
+
+    These are multiplied by the columns of s (WIDTH, n). With the polynomials of the interpolant the result is the noise
+    as a polynomial, with their values its values.
+    """
+    a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+    k += 8
+    b0, b1, b2, b3, b4, b5, b6, b7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
+    for n in range(out.size):
+        first = (a0 * s[0, n] + a1 * s[1, n]) + (a2 * s[2, n] + a3 * s[3, n])
+        second = (a4 * s[4, n] + a5 * s[5, n]) + (a6 * s[6, n] + a7 * s[7, n])
+        third = (b0 * s[8, n] + b1 * s[9, n]) + (b2 * s[10, n] + b3 * s[11, n])
+        fourth = (b4 * s[12, n] + b5 * s[13, n]) + (b6 * s[14, n] + b7 * s[15, n])
+        out[n] = base[n] + ((first + second) + (third + fourth))
+
+
+@kernel(fastmath={"contract"})
+def write_nodes(samples, node, ends):
+    """Write `node` (CHUNK,), the noise's share of P at the ends of the intervals that new samples complete.
+
+    `samples` (WIDTH - 1 + CHUNK,) of the noise; `ends` (2, WIDTH): as of `ClosedForm`.
+    """
+    node[:] = 0.0
+    for i in range(0, WIDTH, 4):
+        a, b, c, d = ends[0, i], ends[0, i + 1], ends[0, i + 2], ends[0, i + 3]
+        for k in range(CHUNK):
+            node[k] += (a * samples[k + i] + b * samples[k + i + 1]) + (c * samples[k + i + 2] + d * samples[k + i + 3])
