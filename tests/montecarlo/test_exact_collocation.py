@@ -10,10 +10,11 @@ from transient_paths import ForcedBlock, followed, random_scene
 
 from fpk_rocking import FilteredNoise
 from fpk_rocking.envelopes import Exponential, Trapezoid
+from fpk_rocking.physics.motion.collocation_tables import PLACES
 from fpk_rocking.physics.noise import band
-from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Pulse, Scene, Start
+from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Pulse, Record, Scene, Start
 from montecarlo import histories, restarted_poincare_map, simulate, tally
-from montecarlo.engines import band_noise, batches, exact
+from montecarlo.engines import band_noise, batches, exact, noise_samples
 from montecarlo.engines.random import open_stream, stream_keys
 
 BLOCK = Block(0.85, critical_angle=0.3)
@@ -196,3 +197,47 @@ def test_what_the_polynomial_of_filtered_noise_leaves_out_is_of_its_order():
         errors.append(abs(np.mean(np.abs(angle[:, 1]) - np.abs(angle[:, 0]))))
     assert errors[2] < 3e-3
     assert errors[0] < errors[1] < errors[2]
+
+
+@pytest.mark.parametrize("slack", [math.inf, -1.0])
+def test_rest_is_decided_by_the_force_at_points_as_by_the_search_for_lift_off(monkeypatch, slack):
+    """Where nothing is decided by points (inf) paths are the same to the bit; where too much is, they are not."""
+    motion = np.random.default_rng(5).normal(0.0, 1.5, 400)
+    record = Record(0.02, motion.tolist(), "m/s2")
+    scene = Scene.from_block(0.6, 2.0, record=record, noise_rms_acceleration=0.8, noise_band_hz=(0.0, 5.0))
+    times = np.linspace(0.0, 20.0, 41)
+    usual = simulate(scene, times=times, realizations=20, method="exact")
+    assert 0.05 < np.mean(usual.angle[:, 1:] == 0.0) < 0.95
+    tables = band_noise._collocation
+    monkeypatch.setattr(
+        band_noise,
+        "_collocation",
+        lambda *arguments: (made := tables(*arguments))._replace(slack=np.full_like(made.slack, slack)),
+    )
+    other = simulate(scene, times=times, realizations=20, method="exact")
+    assert np.array_equal(usual.angle, other.angle, equal_nan=True) is (slack == math.inf)
+
+
+@pytest.mark.parametrize("interval", [0.005, 0.02])
+def test_noise_under_a_record_is_that_of_its_harmonics_between_samples_as_well(interval):
+    """A block that stays at one side moves by the force, which is that of the harmonics at any time."""
+    record = Record(interval, (0.0, 0.1, 0.0), "m/s2")
+    scene = Scene.from_block(0.6, 2.0, record=record, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 5.0))
+    parameters = band_noise.parameters_of(scene, None, np.array([4.0]))
+    assert parameters.halvings == {0.005: 3, 0.02: 1}[interval]
+    workspace = band_noise.workspace_of(parameters)
+    harmonics = workspace.samples.harmonics
+    rng, count = np.random.default_rng(1), parameters.band.harmonics
+    harmonics.ratios[:count] = parameters.band.ratio_width * rng.random(count)
+    harmonics.phases[:count] = rng.random(count)
+    harmonics.weights[:count] = 0.1
+    noise_samples.divide_by_window(harmonics, parameters)
+    noise_samples.write_first_samples(workspace.samples, 0, parameters)
+    for number in range(parameters.grid.count):
+        noise_samples.write_next_samples(workspace.samples, number, 0, parameters)
+        sample, part = noise_samples.sample_and_part(number, parameters)
+        row = band.WIDTH * part
+        near = workspace.samples.values[sample % noise_samples.CHUNK :][: band.WIDTH]
+        values = near @ parameters.flight.values[row : row + band.WIDTH]
+        turns = (number + PLACES)[:, None] / parameters.grid.count * harmonics.ratios[:count] + harmonics.phases[:count]
+        assert values == pytest.approx(0.1 * np.cos(2.0 * np.pi * turns).sum(axis=1), abs=1e-10)
