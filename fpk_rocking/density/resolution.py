@@ -333,19 +333,21 @@ USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """Number of the resolution that is usually fine enough, by tolerance; never one of the first two."""
 
 
-BEFORE = {1e-4: Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(20, 8.0, 0.2, 0.005, 5))}
-"""By tolerance, what is solved before the usual one, where that of the list differs too much to tell its error."""
+INTERMEDIATE = Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(20, 8.0, 0.2, 0.005, 5))
+"""Between the fourth and the fifth, which differ in degree: without it the finer would only tell the coarser's error."""
 
 
-def resolutions_for(tol, before):
+def resolutions_for(tol, before, filtered=False):
     """List of `Resolution` for a tolerance of survival, from coarse to fine.
 
-    They are `before` ones, or as many as there are, the one that usually suffices for `tol`, and all finer.
+    They are `before` ones, or as many as there are, the one that usually suffices for `tol`, and all finer. Under
+    `filtered` noise they have the numbers that they have in `RESOLUTIONS`.
     """
-    listed = max(tolerance for tolerance in USUAL if tolerance <= tol)
-    chosen, usual = list(RESOLUTIONS), USUAL[listed]
-    if before and listed in BEFORE:
-        chosen[usual - 1] = BEFORE[listed]
+    usual, chosen = USUAL[max(tolerance for tolerance in USUAL if tolerance <= tol)], list(RESOLUTIONS)
+    if before and usual == 4:
+        chosen[3] = INTERMEDIATE
+    elif not filtered:
+        chosen.insert(4, INTERMEDIATE)
     return chosen[max(usual - before, 0) :]
 
 

@@ -111,8 +111,8 @@ def solve_fpk(
     )
 
     motion = explore(white, times)
-    meshes = _discretizations(solved, white, motion, resolutions_for(tol, before=SOLUTIONS))
-    first = len(meshes) - len(resolutions_for(tol, before=SOLUTIONS - 1))
+    meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered))
+    first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered))
     coarser, meshes = meshes[:first], meshes[first:]
     usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, advances)
     refuse_large(usual.memory, usual.stored(advances), solved, advances)
