@@ -334,7 +334,7 @@ USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 
 
 INTERMEDIATE = Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(20, 8.0, 0.2, 0.005, 5))
-"""Between the fourth and the fifth, which differ in degree: without it the finer would only tell the coarser's error."""
+"""Between the fourth and the fifth, which differ in degree: the finer would only tell the error of the coarser."""
 
 
 def resolutions_for(tol, before, filtered=False):
