@@ -7,11 +7,12 @@ import dataclasses
 import functools
 
 from fpk_rocking.physics.noise.envelope import Trapezoid
-from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, Block, Body, FilteredNoise, Harmonic, Scene, WhiteNoise
 
 _BAND = Scene(Block(0.5), Harmonic(4.6, 2.7, 0.0), BandNoise(0.04, (0.0, 10.0), 4))
 _WHITE = _BAND.varied(noise=WhiteNoise(0.05))
 _EXACT = Block(0.5, critical_angle=0.3)
+_BODY = Block((0.5, 0.6), body=Body(1.0, 0.3, 0.32, 0.6))
 _USUAL = 1e-3
 
 
@@ -76,3 +77,9 @@ white = functools.partial(paths, "white", _WHITE)
 white_exact = functools.partial(paths, "white", _WHITE.varied(block=_EXACT))
 filtered = functools.partial(paths, "filtered", _FILTERED)
 filtered_exact = functools.partial(paths, "filtered", _FILTERED.varied(block=_EXACT))
+
+density_body = functools.partial(density, _WHITE.varied(block=_BODY))
+nonlinear_body = functools.partial(paths, "exact", _BAND.varied(block=_BODY))
+rk4_body = functools.partial(paths, "rk4", _BAND.varied(block=_BODY))
+white_body = functools.partial(paths, "white", _WHITE.varied(block=_BODY))
+filtered_body = functools.partial(paths, "filtered", _FILTERED.varied(block=_BODY))

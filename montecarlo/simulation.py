@@ -91,7 +91,9 @@ def simulate(
         "overturn_time": np.empty(run.realizations),
         "overturn_side": np.empty(run.realizations, np.int8),
     }
-    for batch in simulate_batches(run, progress=progress):
+    returns = np.zeros(2, np.int64)
+    for batch in simulate_batches(run, progress=progress, followed=0):
+        returns += batch.returns
         for name, array in arrays.items():
             part = getattr(batch, name)
             array[batch.first : batch.first + len(part)] = part
@@ -103,6 +105,7 @@ def simulate(
         steps_per_cycle=run.steps_per_cycle,
         wall_s=time.perf_counter() - started,
         **arrays,
+        returns=returns,
     )
 
 
@@ -271,7 +274,7 @@ def tally(
     done = result().realizations
     saved = Checkpoint(checkpoint, done)
     try:
-        for batch in _small_batches(run, done, progress):
+        for batch in _small_batches(run, done, progress, counts):
             add(counts, batch)
             if saved.is_due:
                 saved.save(result())
@@ -280,13 +283,16 @@ def tally(
     return result()
 
 
-def _small_batches(run, first, progress):
-    """Yield each `Batch` of a `Run` from realization `first` on, none of more states than are held at once."""
+def _small_batches(run, first, progress, counts):
+    """Yield each `Batch` of a `Run` from realization `first` on, none of more states than are held at once.
+
+    `counts`: the `Counts` to which the caller adds each of them; `progress` as of `simulate_batches`.
+    """
     most = max(1, TUNING.tally_states // (run.rows + 1))
     report = None if progress is None else lambda done, _: progress(done, run.realizations)
     for begin in range(first, run.realizations, most):
         piece = run._replace(realizations=min(begin + most, run.realizations))
-        yield from simulate_batches(piece, first=begin, progress=report)
+        yield from simulate_batches(piece, first=begin, progress=report, followed=int(counts.returns[0]))
 
 
 def _with_middles(edges):

@@ -37,6 +37,7 @@ class Tuning(NamedTuple):
     batch_seconds: float = 0.3  # that a batch should take: short enough to be interrupted, long enough for all threads
     smallest_batch: int = 64  # realizations
     first_batch: int = 4096  # states of the first batch
+    followed: float = 0.5  # paths that are followed from overturning to the fall, over the root of the realizations
     most_states: int = 2**28  # of an ensemble: 4 GiB
     impacts_per_cycle: int = 16  # impacts a cycle for which there is space at first; with more a batch is repeated
     tally_states: int = 2**22  # most states that a tally holds at once: 64 MiB

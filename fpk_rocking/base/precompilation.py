@@ -34,6 +34,15 @@ TASKS = {
 ALL_S = 80
 """Seconds that all of them take side by side, about."""
 
+BODY_TASKS = {
+    "fpk_rocking.least_runs:density_body": 20,
+    "fpk_rocking.least_runs:nonlinear_body": 11,
+    "fpk_rocking.least_runs:rk4_body": 9,
+    "fpk_rocking.least_runs:white_body": 8,
+    "fpk_rocking.least_runs:filtered_body": 9,
+}
+"""Tasks for bodies of unequal sides, which `compile_all` leaves to the first call that needs them; seconds likewise."""
+
 _RUN = """
 import importlib, os, signal, sys, threading
 signal.signal(signal.SIGINT, signal.SIG_DFL)
@@ -50,10 +59,12 @@ _queued = []
 
 
 def task_for_block(task, scene):
-    """Return the name of the task that compiles for a scene: kernels are made for slender and for exact blocks apart.
+    """Return the name of the task that compiles for a scene: kernels are made for each kind of block.
 
-    `task` is that for slender blocks; the other ends with "_exact".
+    `task` is that for slender blocks; that for exact ones ends with "_exact", that for unequal sides with "_body".
     """
+    if not scene.block.symmetric:
+        return f"{task}_body"
     return f"{task}_exact" if scene.block.critical_angle > 0.0 else task
 
 
@@ -86,7 +97,7 @@ def start_helpers(task, *helping):
     """
     if _helpers or multiprocessing.parent_process() is not None or _is_compiled(task):
         return
-    sys.stderr.write(f"compiling machine code for this machine, once: about {TASKS[task]} s\n")
+    sys.stderr.write(f"compiling machine code for this machine, once: about {(TASKS | BODY_TASKS)[task]} s\n")
     helping = [name for name in (*helping, *_queued) if not _is_compiled(name)]
     count = min(len(helping), processors() - 1)
     _helpers.extend([start_process(*helping[k::count]) for k in range(count)] or [None])

@@ -230,9 +230,8 @@ def refuse_unsolvable(scene: Scene) -> None:
     limits.check(scene)
     noise = scene.noise
     if noise.kind == "filtered":
-        scene.block.require_symmetric("the density under filtered noise")
-    if not scene.repeats:
-        scene.block.require_symmetric("the density under a forcing that does not repeat")
+        reason = "the density under filtered noise, which lifts a block off to both sides at one level of the force"
+        scene.block.require_symmetric(reason, "use Monte Carlo, or white noise")
     if noise.kind == "filtered" and noise.space.order > 2:
         accepted = (
             "filters of up to 2 states, each of which is one more variable of the density; use Monte "

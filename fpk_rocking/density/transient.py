@@ -3,18 +3,18 @@
 A block at rest may stick there while the force cannot lift it off: `Sticking` says when. Then it is re-injected: it
 starts up again, from rest, on moving patches (`startup`) until the mesh resolves it.
 
-Under a force |f| < 1 and white noise of diffusion D a block at rest rattles in a thin layer about x = v = 0. Its speeds
-at impact have the scale w = 4D / (3 (1 - e²)(1 - f²)). It forgets its state at the rate 9 (1 - e²)² (1 - f²)² / (256 D)
-of the slowest mode of its energy (docs/theory.md, section 5). Let M be the integral of this rate from the end of the
-sticking to the next lift-off. Of what the layer would have been without the sticking, the part exp(-M) is left at the
+Under a force that does not lift it off and white noise a block at rest rattles in a thin layer about x = v = 0. On the
+side s it is pulled back by g_s, and noise has the diffusion D_s there: for a slender block 1 - s f and D, for any other
+κ (sin(α m)/α - s f cos(α m)) and D κ² cos²(α m), with the κ and m of the side. Two hops, one to each side, take
+4w/h at the speed w, with the harmonic mean h of the pulls, and keep the part E of the speed, the product of the two
+restitutions. Let D be the mean of D_s with the weights 1/g_s, the times spent on the sides. The speeds at impact have
+the scale w = 4D / (3 (1 - E) h), and the block forgets its state at the rate 9 (1 - E)² h² / (256 D) of the slowest
+mode of its energy (docs/theory.md, section 5). Let M be the integral of this rate from the end of the sticking to the
+next lift-off. Of what the layer would have been without the sticking, the part exp(-M) is left at the
 lift-off, so survival changes by less than that.
 
 All this holds for hops that are short beside the time in which the force changes. Faster blocks can hop on for ever
 under |f| < 1, in step with the force, and neither they nor a layer that reaches so far may stick.
-
-At x = 0 an exact block is pulled back by (sin α/α)(1 - s f/F), where F = tan α/α is the force that lifts it off. So it
-is a slender one under f/F and noise of D/F², with angles and velocities over sin α/α. Bodies of unequal sides are
-refused (`refinement.refuse_unsolvable`).
 """
 
 import dataclasses
@@ -31,7 +31,7 @@ from fpk_rocking.density.startup import StartUp, takeover_step
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Step, mark_massive_cells
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.motion.block import gravity_at_contact, saddle_speed
+from fpk_rocking.physics.motion.block import contact_laws, saddle_speed
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -51,33 +51,43 @@ class Sticking:
 
     def __init__(self, dynamics: Dynamics, end, forgetting):
         self._edges = np.linspace(0.0, end, max(math.ceil(end / TUNING.sticking_interval), 2) + 1)
-        restitution, alpha = not_none(dynamics.block.restitution), dynamics.block.critical_angle
-        level = dynamics.lift_off
-        self._gravity = gravity_at_contact(alpha)
-        values = np.array([dynamics.forcing.value(time) for time in self._edges]) / level
-        forces = np.abs(values)
-        most = np.minimum(np.maximum(forces[1:], forces[:-1]), 1.0)
-        noise = dynamics.diffusion / level**2 * np.ones(len(most))
+        self._laws = contact_laws(dynamics.block)
+        values = np.array([dynamics.forcing.value(time) for time in self._edges])
+        # By side and edge. Both means are largest or least at an end of an interval.
+        pulls = np.array([np.maximum(law.gravity - side * law.part * values, 0.0) for side, law in self._laws.items()])
+        squares = [law.part**2 for law in self._laws.values()]
+        gap = _least(2.0 * pulls[0] * pulls[1] / pulls.sum(axis=0))
+        noise = -_least(-(squares[0] * pulls[1] + squares[1] * pulls[0]) / pulls.sum(axis=0)) * dynamics.diffusion
         if dynamics.envelope is not None:
             noise *= np.diff(dynamics.envelope.squared_integral(self._edges)) / np.diff(self._edges)
-        loss, gap = 1.0 - restitution**2, 1.0 - most**2
-        pull, steady = 3.0 * loss * gap, self._steady(values, 1.0 - most, 1.0 - restitution)
-        over = np.array([saddle_speed(level * force, alpha) for force in most]) / self._gravity
-        slow = np.minimum(TUNING.rest_velocity / self._gravity, steady)
-        inside = 4.0 * noise <= pull * (slow / TUNING.layer_inside)
-        safe = 4.0 * noise <= pull * (over / TUNING.layer_safe)
-        rate = np.full(len(most), math.inf)
+        sides = dynamics.block.sides
+        restitution = sides.restitution if sides else [not_none(dynamics.block.restitution)] * 2
+        loss, slowing = 1.0 - math.prod(restitution), 1.0 - 0.5 * sum(restitution)
+        steady = self._steady(values * math.sqrt(max(squares)), _least(pulls.min(axis=0)), slowing)
+        inside = 4.0 * noise <= 3.0 * loss * gap * (np.minimum(TUNING.rest_velocity, steady) / TUNING.layer_inside)
+        safe = 4.0 * noise <= 3.0 * loss * gap * (self._over(values, dynamics.block) / TUNING.layer_safe)
+        rate = np.full(len(gap), math.inf)
         np.divide(9.0 * (loss * gap) ** 2, 256.0 * noise, out=rate, where=noise > 0.0)
-        self._lifting = most >= 1.0
+        self._lifting = gap <= 0.0
         forgotten = self._until_lift_off(rate)
         self._sticks = ~self._lifting & inside & safe & (forgotten >= forgetting)
-        self._stopping = self._fastest_to_stop(0.8 * 0.5 * (1.0 - restitution) * gap, steady)
+        self._stopping = self._fastest_to_stop(0.8 * 0.5 * slowing * gap, steady)
+
+    def _over(self, forces, block):
+        """Least speeds (n,) at which a block passes a saddle within each interval, under `forces` (n + 1,) at edges."""
+        speeds = [
+            saddle_speed(min(side * force, law.gravity / law.part), block.critical_angle, saddle, scale)
+            for (side, law), saddle, scale in zip(self._laws.items(), block.saddles, block.scales, strict=True)
+            for force in forces
+        ]
+        return _least(np.reshape(speeds, (2, -1)).min(axis=0))
 
     def _steady(self, forces, pull, loss):
         """Speeds (n,) up to which hops die out under a changing force, inf where it does not change.
 
-        `forces` are at the edges of the n intervals, `pull` (n,) is the least pull in each and `loss` is 1 - e. Two
-        hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to 4 |f''| w³/(3 g³).
+        `forces` are at the edges of the n intervals, as they change the pull; `pull` (n,) is the least pull in each and
+        `loss` is 1 - e, its mean. Two hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to
+        4 |f''| w³/(3 g³).
         """
         bend = np.pad(np.abs(np.diff(forces, 2)) / self._edges[1] ** 2, 1, mode="edge")
         speeds = np.full(len(pull), math.inf)
@@ -131,13 +141,19 @@ class Sticking:
         """Cells from which a block comes to rest before the next lift-off without noise, from a `time` on.
 
         They are a mask (angle cells, velocity cells) of the mesh of a `Space`. Under a constant force a block of the
-        speed v does so within 2v / ((1 - e)(1 - f²)), the sum of its hops to both sides. A force that changes within a
-        hop can keep it hopping for ever, though |f| < 1 (`_steady`).
+        speed v does so within 2v / ((1 - e) h), the sum of its hops to both sides. A force that changes within a hop
+        can keep it hopping for ever, though it does not lift it off (`_steady`).
         """
-        angles, velocities = (0.5 * np.abs(lines[1:] + lines[:-1]) for lines in space.lines)
-        speeds = np.sqrt(2.0 * angles[:, None] / self._gravity + (velocities / self._gravity) ** 2)
+        angles, velocities = (0.5 * (lines[1:] + lines[:-1]) for lines in space.lines)
+        gravity = np.where(angles > 0.0, self._laws[1].gravity, self._laws[-1].gravity)
+        speeds = np.sqrt((2.0 * gravity * np.abs(angles))[:, None] + velocities**2)
         slow = in_rest(angles, velocities) & (speeds <= self._stopping[self._interval(time)])
         return slow | cells_at_origin(space)
+
+
+def _least(edges):
+    """Lesser of the values (n,) at both ends of each interval, of values (n + 1,) at the edges."""
+    return np.minimum(edges[1:], edges[:-1])
 
 
 def cells_at_origin(space: Space) -> Array:

@@ -253,10 +253,13 @@ class Block:
         angle = self.critical_angle or (self.size.critical_angle if self.size else 0.0)
         return math.tan(angle) if angle > 0.0 else None
 
-    def require_symmetric(self, what: str) -> None:
-        """Raise ValueError where the sides differ; `what` the caller does, as in "the density", is for the message."""
+    def require_symmetric(self, what: str, instead: str) -> None:
+        """Raise ValueError where the sides differ.
+
+        `what` needs equal sides and why, as in "the density, which ...", and what to do `instead` are for the message.
+        """
         if not self.symmetric:
-            size, accepted = self.body, f"equal sides and one restitution for {what}; use Monte Carlo"
+            size, accepted = self.body, f"equal sides and one restitution for {what}; {instead}"
             raise ValueError(checks.refusal("block.body", f"{size}, e = {self.restitution_text('.4g')}", accepted))
 
 

@@ -27,6 +27,12 @@ from fpk_rocking.scene.parts import Block, Body, Overturning, Start, check_cutof
 from fpk_rocking.scene.text import change_document, fields_of, read_part, table_of, with_harmonics, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, in_units
 
+_EQUAL_SIDES = (
+    "noise of equal Melnikov variance, which is taken along the orbit between two equal sides",
+    "use Monte Carlo, which takes the noise as it is, or white noise, for a wide band of D = (π/2) variance / width",
+)
+"""Why a replacement of noise needs equal sides, and what to do instead."""
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Scene:
@@ -145,7 +151,7 @@ class Scene:
         """
         if self.noise.kind == "white":
             return self
-        self.block.require_symmetric("noise of equal Melnikov variance")
+        self.block.require_symmetric(*_EQUAL_SIDES)
         diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
         return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
@@ -171,7 +177,7 @@ class Scene:
             return self
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
-        self.block.require_symmetric("noise of equal Melnikov variance")
+        self.block.require_symmetric(*_EQUAL_SIDES)
         ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
         frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle)
         if frequency is None:

@@ -11,6 +11,7 @@ from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.noise.envelope import Envelope, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS
+from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.scenes import varied
 
@@ -141,7 +142,10 @@ def _with_value(scene, name, value):
     if not name.endswith("_factor"):
         return varied(scene, name, value)
     parameter = name.removesuffix("_factor")
-    return varied(scene, parameter, value * checks.number(f"uncertain[{name!r}] of", _value(scene, parameter)))
+    own = _value(scene, parameter)
+    if parameter == "block.restitution" and isinstance(own, tuple):
+        return varied(scene, parameter, tuple(value * side for side in own))
+    return varied(scene, parameter, value * checks.number(f"uncertain[{name!r}] of", own))
 
 
 def _refuse_far(scenes, name, law):
@@ -168,6 +172,8 @@ def _value(scene, name):
         return 1.0
     if size is not None and name in {"width", "height"}:
         return getattr(size, name)
+    if scene.block.body is not None and name in LENGTHS:
+        return getattr(scene.block.body, name)
     if size is not None and name in {"size", "slenderness"}:
         return size.half_diagonal if name == "size" else size.height / size.width
     return getattr(getattr(scene, part, None), field, None) if field else None

@@ -127,9 +127,13 @@ class _Wanted(NamedTuple):
 
 
 class _Counts:
-    """How many of some paths have overturned at each time to the left and to the right: `sides` (rows, 2)."""
+    """How many of some paths have overturned at each time to the left and to the right: `sides` (rows, 2).
+
+    `returns` (2,): how many of them were followed on to the fall, and how many of these came back.
+    """
 
     def __init__(self, times):
+        self.returns = np.zeros(2, np.int64)
         self.times, self.paths, self.sides = times, 0, np.zeros((len(times), 2), np.int64)
 
     def add(self, batch):
@@ -139,6 +143,7 @@ class _Counts:
         passages = np.zeros_like(self.sides)
         np.add.at(passages, (rows, (batch.overturn_side[over] > 0).astype(int)), 1)
         self.sides += np.cumsum(passages, axis=0)
+        self.returns += batch.returns
         self.paths += len(batch.overturn_side)
 
     @property
@@ -186,7 +191,7 @@ class _Call:
 
     def one_path(self):
         """Return the answer for a scene in which nothing is random."""
-        (batch,) = simulate_batches(self.run._replace(realizations=1), progress=self.progress)
+        (batch,) = simulate_batches(self.run._replace(realizations=1), progress=self.progress, followed=0)
         self.counts.add(batch)
         return self.result("one path", "Nothing is random: one path decides.", self.counts.sides, 0.0, 1)
 
@@ -229,7 +234,8 @@ class _Call:
         run = self.run._replace(realizations=int(until))
         if steps_per_cycle:
             run = run._replace(steps_per_cycle=steps_per_cycle)
-        for batch in simulate_batches(run, first=counts.paths, progress=self.progress):
+        followed = int(counts.returns[0])
+        for batch in simulate_batches(run, first=counts.paths, progress=self.progress, followed=followed):
             counts.add(batch)
 
     def _announce(self, needed, seconds):
@@ -364,6 +370,7 @@ class _Call:
             reason=reason,
             tol=self.wanted.tol,
             rtol=self.wanted.rtol,
+            returns=self.counts.returns,
             realizations=realizations,
             seed=self.run.seed,
             interrupted=interrupted,

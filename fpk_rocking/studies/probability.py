@@ -9,6 +9,7 @@ import numpy as np
 from fpk_rocking.base.checks import Array
 from fpk_rocking.results.remarks import EXACT_PATH
 from fpk_rocking.results.result import Dataset
+from fpk_rocking.results.returns import return_diagnostics
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import RowResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, Diagnostic
@@ -36,6 +37,8 @@ class Probability(Saved, RowResult):
         Why this method was taken, as a sentence.
     tol, rtol : float
         Wanted error of the last probability, absolute and in parts of it; 0 where none was asked for.
+    returns : ndarray of int, shape (2,)
+        How many of the paths that overturned were followed on to the fall, 90 degrees, and how many of these came back.
     realizations : int
         Number of paths; of walkers in all repeats of splitting; 0 for a density.
     seed : int
@@ -65,6 +68,7 @@ class Probability(Saved, RowResult):
     reason: str
     tol: float
     rtol: float
+    returns: Annotated[Array, "i8 2"]
     realizations: int
     seed: int
     interrupted: bool
@@ -102,8 +106,9 @@ class Probability(Saved, RowResult):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of the model, of the error against the wanted one, and of an interruption."""
+        """Diagnostics of the model, of blocks that come back, of the error, and of an interruption."""
         diagnostics = self.model_diagnostics()
+        diagnostics += return_diagnostics(self.scene, self.overturned, self.error, self.returns)
         if self.interrupted:
             diagnostics.append(Diagnostic(CAUTION, "The call was interrupted before it was done.", "interrupted"))
         if self.method == "one path":

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike
-from fpk_rocking.scene.parts import Block, Start
+from fpk_rocking.scene.parts import LENGTHS, Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import Dimensions
 
@@ -107,7 +107,8 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
     name : str
         A dotted name of a scene file, such as "noise.variance"; "scale", a factor of forcing and noise (`scaled`); or,
         for another block under the same shaking (`resized`), "width", "height" or "size" (the half diagonal R), all in
-        metres, or "slenderness" (height over width at the same R).
+        metres, or "slenderness" (height over width at the same R); of a body "height_of_centre", "right", "left" or
+        "radius_of_gyration".
     value : float
         New value of the parameter.
 
@@ -141,8 +142,11 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
         radius, slenderness = (value, slenderness) if name == "size" else (radius, value)
         width = 2.0 * radius / math.hypot(1.0, slenderness)
         return resized(scene, width=width, height=slenderness * width)
+    if name in LENGTHS:
+        return _with_size(scene, dataclasses.replace(_body_of(scene, name), **{name: value}))
     if part not in {"block", "forcing", "noise", "start", "overturning"} or not field:
-        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {', '.join(map(repr, sizes))}"
+        names = ", ".join(map(repr, (*sizes, *LENGTHS)))
+        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {names}"
         raise ValueError(checks.refusal("parameter", name, accepted))
     integer = isinstance(getattr(getattr(scene, part), field, None), int) and float(value).is_integer()
     return scene.varied(**{part: {field: int(value) if integer else value}})
@@ -205,25 +209,41 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     """
     old = dimensions_of(scene, "width" if width is not None else "height")
     new = Dimensions(old.width if width is None else width, old.height if height is None else height, old.gravity)
+    return _with_size(scene, new)
+
+
+def _with_size(scene, new):
+    """Return the scene of a block of a `new` size, `Dimensions` or `Body`, as `resized` does."""
+    block, start = scene.block, scene.start
+    old, own = block.size, block.restitution
     angle = old.critical_angle / new.critical_angle
     rate = old.frequency_parameter / new.frequency_parameter
-    own = scene.block.restitution
-    housner = old.width <= math.sqrt(2.0) * old.height and own == old.restitution
-    start = scene.start
+    try:
+        lawful = own == old.restitution
+    except ValueError:  # so squat a block has none
+        lawful = False
     covariance = start.covariance
     if covariance is not None:
         (xx, xv), (_, vv) = covariance
         xv *= angle**2 * rate
         covariance = (xx * angle**2, xv), (xv, vv * (angle * rate) ** 2)
+    sizes = {"dimensions": new} if isinstance(new, Dimensions) else {"body": new}
     # What is in seconds takes the size of the scene's block by itself.
     forcing = scene.forcing
     return dataclasses.replace(
         scene,
-        block=Block(new.restitution if housner else own, new, slender=scene.block.slender),
+        block=Block(new.restitution if lawful else own, slender=block.slender, **sizes),
         forcing=forcing if forcing.dimensional else forcing.scaled(angle, rate),
         noise=scene.noise.scaled(angle, rate),
         start=Start(start.angle * angle, start.velocity * angle * rate, covariance),
     )
+
+
+def _body_of(scene, name):
+    """Return the `Body` of a scene's block, or refuse a parameter that needs one."""
+    if scene.block.body is None:
+        raise ValueError(checks.refusal("parameter", name, "only where the scene has [block.body]; this one has none"))
+    return scene.block.body
 
 
 def dimensions_of(scene: Scene, name: str) -> Dimensions:

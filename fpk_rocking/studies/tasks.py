@@ -51,7 +51,8 @@ def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[
         if task is mc:
             names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
-            kernels = ["density"] + ["rest"] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
+            filtered = "filtered" in (scene.noise.kind, options.get("noise_replacement")) and scene.block.symmetric
+            kernels = ["density"] + ["rest"] * filtered
             names.update(precompilation.task_for_block(f"fpk_rocking.least_runs:{name}", scene) for name in kernels)
     return sorted(names)
 

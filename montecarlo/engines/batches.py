@@ -15,6 +15,7 @@ from fpk_rocking.base.jit import map_threads, thread_count
 from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.grids import result_times
+from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import engine_of, task_of
@@ -44,7 +45,8 @@ class Batch(NamedTuple):
 
     `angle`, `velocity` (count, rows * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
     as in `montecarlo.Ensemble`. `impacts`: `ImpactRecord` of arrays (count,), (count, capacity) and (count, capacity),
-    times and velocities just before; nan beyond the count.
+    times and velocities just before; nan beyond the count. `returns` (2,): how many of the paths that overturn were
+    followed on to the fall, and how many of these came back.
     """
 
     first: int
@@ -53,6 +55,7 @@ class Batch(NamedTuple):
     overturn_time: np.ndarray
     overturn_side: np.ndarray
     impacts: ImpactRecord
+    returns: np.ndarray
 
 
 def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
@@ -87,7 +90,7 @@ def refuse_large(run, per_cycle=1, instead=""):
         raise ValueError(checks.refusal("realizations", run.realizations, accepted))
 
 
-def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None, parameters=None):
+def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None, parameters=None, followed=None):
     """Simulate the realizations of a run from `first` on, in parallel; those of a deterministic scene are one path.
 
     Parameters
@@ -106,6 +109,8 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         Called as ``progress(done, total)`` after each batch; may raise.
     parameters : tuple, optional
         What the engine's `parameters_of` makes of the scene, where the caller has it.
+    followed : int, optional
+        How many of the realizations before `first` were followed on to the fall (`results.returns`); None follows none.
 
     Yields
     ------
@@ -118,16 +123,28 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     if parameters is None:
         outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
         parameters = engine.parameters_of(run.scene, run.steps_per_cycle, outputs)
+    fall = None if followed is None else angle_of_fall(run.scene)
     keys = keys_at(stream_keys(run.seed), cycle) if engine.renews else stream_keys(run.seed)
+
+    def simulate(parameters, numbers, part):
+        """Simulate realizations of some numbers into a `Batch`."""
+        engine.simulate(keys, numbers, cycle, parameters, *part[1:6])
+
     size = max(TUNING.smallest_batch, TUNING.first_batch // run.rows)
     while first < run.realizations:
         began = time.perf_counter()
         count = run.realizations - first if alike else min(size, run.realizations - first)
         batch = _empty_batch(0, 1, len(times), capacity) if alike else _empty_batch(first, count, len(times), capacity)
-        _fill(batch, lambda part: engine.simulate(keys, part.first, cycle, parameters, *part[1:]))
+        numbers = np.arange(batch.first, batch.first + len(batch.angle))
+        _fill(batch, numbers, functools.partial(simulate, parameters), 4 * thread_count())
         if not run.scene.repeats:
             _drop_overturning_after(batch, times[-1])
         _refuse_missing_states(batch, run, times)
+        if fall:
+            later = parameters._replace(block=parameters.block._replace(cutoff=fall))
+            paths = _paths_to_follow(batch, engine.renews, followed)
+            _write_returns(batch.returns, paths, run, engine.renews, later, simulate)
+            followed += int(batch.returns[0])
         yield _repeated(batch, first, count) if alike else batch
         first += count
         if progress is not None:
@@ -137,27 +154,68 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         size = max(TUNING.smallest_batch, int(min(affordable, 4 * size)))
 
 
-def _fill(batch, simulate):
-    """Simulate the realizations of a `Batch`, in parts that the threads take in turn.
+def _paths_to_follow(batch, unseen, already):
+    """Return numbers of realizations of a `Batch` that are followed on to the fall.
 
-    `simulate`: function of a `Batch` that fills it.
+    Of the first n realizations these are at most √n `TUNING.followed` that overturn, of which `already` before the
+    batch; where a path is not the same to another cut-off (`unseen`), of any. They do not depend on the batches.
     """
-    count = len(batch.angle)
-    size = -(-count // (4 * thread_count()))
-    parts = [_part(batch, begin, begin + size) for begin in range(0, count, size)]
-    map_threads(simulate, parts)
+    numbers = batch.first + np.flatnonzero(batch.overturn_side | unseen)
+    chosen, place = [], 0
+    if unseen:
+        already = math.ceil(TUNING.followed * math.sqrt(batch.first))
+    while True:
+        least = ((already + len(chosen)) / TUNING.followed) ** 2
+        place += int(np.searchsorted(numbers[place:], least))
+        if place == len(numbers):
+            return chosen
+        chosen.append(int(numbers[place]))
+        place += 1
 
 
-def _part(batch, begin, end):
-    """Return realizations `begin` to `end`, as places in a `Batch`, as a `Batch` of views."""
-    impacts = ImpactRecord(*(array[begin:end] for array in batch.impacts))
-    return Batch(batch.first + begin, *(array[begin:end] for array in batch[1:-1]), impacts)
+def _write_returns(returns, numbers, run, unseen, parameters, simulate):
+    """Follow paths of some numbers to the fall; write how many overturn on the way, and how many of these come back.
+
+    `returns` (2,) is written to. `unseen`: whether overturning has to be looked for, at the end of each interval, as in
+    `_paths_to_follow`. `parameters` are the engine's, with the cut-off at the fall; `simulate` takes them, numbers and
+    a `Batch`.
+    """
+    if not numbers:
+        return
+    states, cutoff = run.rows + 1, run.scene.overturning.angle
+    if unseen:
+        grid, ends = parameters.grid, np.arange(1.0, parameters.grid.count + 1.0)
+        if not run.scene.repeats:  # the last interval ends at the last time or after it
+            ends[-1] = grid.output_times[-1]
+        parameters = parameters._replace(grid=grid._replace(output_times=ends))
+        states = (run.rows if run.scene.repeats else 1) * grid.count + 1
+    paths = _empty_batch(0, len(numbers), states, 0)
+    _fill(paths, np.array(numbers), functools.partial(simulate, parameters), thread_count())
+    angles = np.abs(paths.angle)
+    over = (paths.overturn_side != 0) | (angles.max(axis=1) >= cutoff) if unseen else np.full(len(numbers), True)
+    returns[:] = over.sum(), (over & (angles[:, -1] < cutoff)).sum()
+
+
+def _fill(batch, numbers, simulate, parts):
+    """Simulate realizations of some numbers (count,) into a `Batch`, in `parts` that the threads take in turn.
+
+    `simulate`: function of numbers and of the `Batch` that it fills.
+    """
+    size = -(-len(numbers) // parts)
+    ranges = [slice(begin, begin + size) for begin in range(0, len(numbers), size)]
+    map_threads(lambda part: simulate(numbers[part], _part(batch, part)), ranges)
+
+
+def _part(batch, places):
+    """Return realizations, as a slice of places in a `Batch`, as a `Batch` of views."""
+    impacts = ImpactRecord(*(array[places] for array in batch.impacts))
+    return Batch(batch.first + places.start, *(array[places] for array in batch[1:5]), impacts, batch.returns)
 
 
 def _repeated(batch, first, count):
     """Return `count` realizations of a deterministic scene, numbered from `first` on, from a `Batch` of one."""
-    states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:-1], batch.impacts))
-    return Batch(first, *states, ImpactRecord(*impacts))
+    states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:5], batch.impacts))
+    return Batch(first, *states, ImpactRecord(*impacts), batch.returns)
 
 
 def _drop_overturning_after(batch, end):
@@ -197,7 +255,7 @@ def _empty_batch(first, count, rows, capacity):
     angle, velocity = np.full((2, count, rows), math.nan)
     time, speed = np.full((2, count, capacity), math.nan)
     hits = ImpactRecord(np.zeros(count, np.int64), time, speed)
-    return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits)
+    return Batch(first, angle, velocity, np.empty(count), np.empty(count, np.int8), hits, np.zeros(2, np.int64))
 
 
 class Outcomes(NamedTuple):

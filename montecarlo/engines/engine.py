@@ -126,8 +126,8 @@ class Engine:
 engine = types.ModuleType("engine")
 
 
-def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate realizations `first`, `first` + 1, ..., each from its own stream of random numbers.
+def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
+    """Simulate realizations of some numbers, each from its own stream of random numbers.
 
     Times count from τ = 0, also where the run begins later. A realization depends on its keys and its number alone.
 
@@ -135,8 +135,8 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
     ----------
     keys : ndarray of uint64, shape (4,)
         From `montecarlo.engines.random.stream_keys`.
-    first : int
-        Number of the first realization.
+    numbers : ndarray of int, shape (count,)
+        Numbers of the realizations.
     cycle : int
         Number of the table period at which the run begins, from the scene's start.
     parameters : tuple
@@ -149,12 +149,14 @@ def _simulate(keys, first, cycle, parameters, angle, velocity, overturn_time, ov
         Filled with each realization's impacts; those beyond the capacity are counted and not kept.
     """
     # A count of references would cost more than the steps.
-    keys, parameters, angle, velocity, impacts = borrowed((keys, parameters, angle, velocity, impacts))
+    keys, numbers, parameters, angle, velocity, impacts = borrowed(
+        (keys, numbers, parameters, angle, velocity, impacts)
+    )
     owned, count = engine.workspace_of(parameters), np.zeros(1, np.int64)
     workspace = borrowed(owned)
     unkept = ImpactRecord(borrowed(count), impacts.time[0, :0], impacts.velocity[0, :0])
     for r in range(angle.shape[0]):
-        own_stream = open_stream(keys, first + r)
+        own_stream = open_stream(keys, numbers[r])
         stream = borrowed(own_stream)
         record = ImpactRecord(impacts.count[r : r + 1], impacts.time[r], impacts.velocity[r])
         overturn_time[r], overturn_side[r] = engine.simulate_path(

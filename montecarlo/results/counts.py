@@ -48,6 +48,8 @@ class Counts(NamedTuple):
         Sums of angle and velocity over the standing realizations, in quanta.
     products : ndarray of int, shape (rows, 3, 2)
         Sums of the products xx, xv and vv in quanta, each as its high and its low half.
+    returns : ndarray of int, shape (2,)
+        As of `montecarlo.Ensemble`.
 
     Examples
     --------
@@ -67,6 +69,7 @@ class Counts(NamedTuple):
     histogram: Annotated[Array, "i4 k+1 a v"]
     sums: Annotated[Array, "i8 k+1 2"]
     products: Annotated[Array, "i8 k+1 3 2"]
+    returns: Annotated[Array, "i8 2"]
 
 
 def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:
@@ -87,12 +90,14 @@ def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges:
         np.zeros((rows, angle_edges.size - 1, velocity_edges.size - 1), np.int32),
         np.zeros((rows, 2), np.int64),
         np.zeros((rows, 3, 2), np.int64),
+        np.zeros(2, np.int64),
     )
 
 
 def add(counts: Counts, batch: Any) -> None:
     """Add a `Batch` of realizations to the counts, in place, or raise ValueError for a wild state and add nothing."""
-    if not _add(counts, batch.angle, batch.velocity, _in_rows(batch.overturn_time, counts.times), batch.overturn_side):
+    rows = _in_rows(batch.overturn_time, counts.times)
+    if not _add(counts, batch.angle, batch.velocity, rows, batch.overturn_side, batch.returns):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
         raise ValueError(
             f"realizations: got a block beyond angle and velocity {limits} among those from number {batch.first} on, "
@@ -106,11 +111,11 @@ def _in_rows(time, times):
 
 
 @kernel
-def _add(counts, angle, velocity, overturn_row, overturn_side):
+def _add(counts, angle, velocity, overturn_row, overturn_side, returns):
     """Add a batch to `Counts` in one call, which no interrupt can cut in two; return whether it was added.
 
     `angle`, `velocity` (count, rows) are nan after overturning, `overturn_row` (count,) is the time of it in rows, see
-    `_in_rows`, and `overturn_side` (count,) is 0 for none.
+    `_in_rows`, and `overturn_side` (count,) is 0 for none; `returns` (2,) are of the batch.
     """
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
@@ -121,6 +126,8 @@ def _add(counts, angle, velocity, overturn_row, overturn_side):
         wild += stands[r] < 0
     if wild > 0:
         return False
+    for k in range(2):
+        counts.returns[k] += returns[k]
     for r in range(count):
         if stands[r] < rows:
             row = _passage(stands[r], overturn_row[r])

@@ -14,6 +14,7 @@ from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
 from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.returns import return_diagnostics
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import SurvivalResult
@@ -28,6 +29,7 @@ class Sample(SurvivalResult):
 
     * ``realizations``: their number;
     * ``overturned_counts``: how many have overturned to the left and to the right, (cycles + 1, 2);
+    * ``returns``: how many paths that overturned were followed on to the fall, and how many of them came back, (2,);
     * ``first_overturning``: earliest and latest time of overturning of the first realization, and the side; None if it
       stands.
     """
@@ -35,6 +37,7 @@ class Sample(SurvivalResult):
     if TYPE_CHECKING:
         method: Any
         overturned_counts: Any
+        returns: Any
         first_overturning: Any
 
     noise_replacement = ""
@@ -80,8 +83,13 @@ class Sample(SurvivalResult):
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of this sample beside its sampling error: of the model, and of the steps of a single path."""
-        return super().model_diagnostics() + (path_diagnostics(self.method) if self.deterministic else [])
+        """Diagnostics of this sample beside its sampling error: of the model, and of the steps of a single path.
+
+        The model's are also those of blocks that count as overturned and come back.
+        """
+        error = 0.0 if self.interval is None else 0.5 * float(np.diff(self.interval[-1])[0])
+        returning = return_diagnostics(self.scene, 1.0 - float(self.survival[-1]), error, self.returns)
+        return super().model_diagnostics() + returning + (path_diagnostics(self.method) if self.deterministic else [])
 
     @property
     def reason_if_ok(self) -> str:
@@ -175,6 +183,9 @@ class Ensemble(Saved, Sample):
         Time τ of overturning; nan for a block that stands.
     overturn_side : ndarray of int8, shape (realizations,)
         -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
+    returns : ndarray of int, shape (2,)
+        How many paths that overturned were followed on to the fall, 90 degrees, and how many of these came back. 0
+        where the critical angle is unknown, or the angle of overturning is not the default.
 
     Examples
     --------
@@ -198,6 +209,7 @@ class Ensemble(Saved, Sample):
     velocity: Annotated[Array, "f8 n k+1"]
     overturn_time: Annotated[Array, "f8 n"]
     overturn_side: Annotated[Array, "i1 n"]
+    returns: Annotated[Array, "i8 2"]
 
     @property
     def realizations(self) -> int:

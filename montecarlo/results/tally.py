@@ -75,6 +75,11 @@ class Tally(Saved, Sample):
         usual, counted = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, counted, strict=True)) else counted
 
+    @property
+    def returns(self) -> Array:
+        """Paths followed on from overturning, and those of them that came back, (2,): as of `Ensemble`."""
+        return self.counts.returns
+
     @functools.cached_property
     def overturned_counts(self) -> Array:
         """Number of realizations that have overturned to the left and to the right, shape (cycles + 1, 2)."""

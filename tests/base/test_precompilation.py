@@ -16,7 +16,7 @@ import pytest
 from fpk_rocking import least_runs
 from fpk_rocking.base import jit, precompilation
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
+from fpk_rocking.scene import Block, Body, Harmonic, NoNoise, Scene
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulation
 from montecarlo.engines import ENGINES, engine_of, exact, filtered, rk4, task_of, white
@@ -113,10 +113,15 @@ WHITE, FLIGHT = "fpk_rocking.least_runs:white", "fpk_rocking.least_runs:free_fli
 
 
 def test_every_engine_and_every_call_has_its_task():
-    scenes = [Scene(Block(0.5, critical_angle=angle), Harmonic(1.0, 2.0), NoNoise()) for angle in (0.0, 0.3)]
+    blocks = Block(0.5), Block(0.5, critical_angle=0.3), Block(body=Body(1.0, 0.3, 0.4, 0.6))
+    scenes = [Scene(block, Harmonic(1.0, 2.0), NoNoise()) for block in blocks]
     named = {task_of(engine, scenes[engine is exact.EXACT_BLOCK]) for engine in ENGINES}
-    named |= {task_of(engine, scenes[1]) for engine in (rk4.ENGINE, white.ENGINE, filtered.ENGINE)}
-    named.update(kernels_of(TASKS["fpk"], scenes, {"noise_replacement": "filtered"}))
+    others = rk4.ENGINE, white.ENGINE, filtered.ENGINE
+    named |= {task_of(engine, scenes[1]) for engine in others}
+    bodies = {task_of(engine, scenes[2]) for engine in (exact.EXACT_BLOCK, *others)}
+    bodies.update(kernels_of(TASKS["fpk"], scenes[2:], {"noise_replacement": "filtered"}))
+    assert bodies == set(precompilation.BODY_TASKS)
+    named.update(kernels_of(TASKS["fpk"], scenes[:2], {"noise_replacement": "filtered"}))
     for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
         named.update(
             re.findall(
@@ -124,7 +129,7 @@ def test_every_engine_and_every_call_has_its_task():
             )
         )
     assert named <= set(precompilation.TASKS)
-    for task in precompilation.TASKS:
+    for task in precompilation.TASKS | precompilation.BODY_TASKS:
         module, name = task.split(":")
         assert callable(getattr(importlib.import_module(module), name))
 
@@ -134,9 +139,10 @@ def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
     monkeypatch.setattr(
         simulation, "simulate", lambda scene, method, **_: seen.append(task_of(engine_of(scene, method), scene))
     )
-    runs = {task: getattr(least_runs, task.rpartition(":")[2]) for task in precompilation.TASKS}
+    every = precompilation.TASKS | precompilation.BODY_TASKS
+    runs = {task: getattr(least_runs, task.rpartition(":")[2]) for task in every}
     tasks = [task for task, run in runs.items() if getattr(run, "func", None) is least_runs.paths]
-    assert len(tasks) == 9
+    assert len(tasks) == 13
     for task in tasks:
         runs[task]()
     assert seen == tasks

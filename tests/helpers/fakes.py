@@ -132,6 +132,7 @@ class FakeEnsemble(Saved, Sample):
     steps_per_cycle: int = 200
     wall_s: float = 2.5
     first_overturning = None
+    returns = np.zeros(2, np.int64)
 
     @property
     def times(self):

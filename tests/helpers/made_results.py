@@ -103,7 +103,7 @@ def _paths(times, seed, paths=PATHS):
 
 def ensemble(scene=MAIN, times=WHOLE, seed=5, method="rk4"):
     angle, velocity, ends, side = _paths(times, seed)
-    result = Ensemble(scene, method, seed, 200, 2.5, times, angle, velocity, ends, side)
+    result = Ensemble(scene, method, seed, 200, 2.5, times, angle, velocity, ends, side, np.array([9, 0]))
     overturned = np.array([[np.sum((ends <= time) & (side == sign)) for sign in (-1, 1)] for time in times]) / PATHS
     survival = 1.0 - overturned.sum(axis=1)
     limits = wilson(survival, PATHS)
@@ -124,7 +124,7 @@ def tally():
     histogram = rng.multinomial(standing, share).reshape(CYCLES + 1, angles.size - 1, -1).astype(np.int32)
     sums, products = np.zeros((CYCLES + 1, 2), np.int64), np.zeros((CYCLES + 1, 3, 2), np.int64)
     quantum = np.array([2.0**-30, 2.0**-28])
-    counts = Counts(WHOLE, angles, velocities, quantum, standing, passages, histogram, sums, products)
+    counts = Counts(WHOLE, angles, velocities, quantum, standing, passages, histogram, sums, products, np.array([0, 0]))
     result = Tally(MAIN, "exact", 7, 200, 3.5, counts)
     survival, overturned = standing / size, overturned_counts / size
     limits = wilson(survival, size)

@@ -102,7 +102,7 @@ def probability():
     left, right = (np.sort(rng.uniform(0.0, 0.5, CYCLES + 1)) for _ in range(2))
     errors, times = rng.uniform(0.0, 0.01, (CYCLES + 1, 3)), MAIN.period * np.arange(CYCLES + 1)
     result = Probability(
-        MAIN, times, left, right, errors, "paths", "exact", "Because.", 0.02, 0.0, 1000, 1, False, 1.0
+        MAIN, times, left, right, errors, "paths", "exact", "Because.", 0.02, 0.0, np.array([3, 0]), 1000, 1, False, 1.0
     )  # fmt: skip
     names = "survival", "left", "right"
     columns = {"cycle": np.arange(CYCLES + 1), "time": times}

@@ -25,7 +25,8 @@ def content(result):
 
 def batch_of(first, angle, velocity):
     count = len(angle)
-    return batches.Batch(first, angle, velocity, np.full(count, math.nan), np.zeros(count, np.int8), None)
+    ends, returns = np.full(count, math.nan), np.zeros(2, int)
+    return batches.Batch(first, angle, velocity, ends, np.zeros(count, np.int8), None, returns)
 
 
 @pytest.fixture(scope="module")

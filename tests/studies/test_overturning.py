@@ -19,11 +19,11 @@ def bernoulli_batches(share, shift=0.0, seed=1):
     """A stand-in for `simulate_batches`: paths overturn in the middle with a share, shifted where steps are long."""
     random = np.random.default_rng(seed)
 
-    def batches(run, first=0, progress=None):
+    def batches(run, first=0, progress=None, followed=None):  # noqa: ARG001
         count, chance = run.realizations - first, share + shift * (run.steps_per_cycle < 200)
         side = np.where(random.random(count) < chance, random.choice([-1, 1], count), 0).astype(np.int8)
         when = np.where(side != 0, 0.5 * run.times[-1], np.nan)
-        yield Batch(first, None, None, when, side, None)
+        yield Batch(first, None, None, when, side, None, np.zeros(2, int))
         if progress is not None:
             progress(run.realizations, run.realizations)
 

@@ -10,6 +10,7 @@ import pytest
 from fpk_rocking.envelopes import Exponential, Table, Trapezoid
 from fpk_rocking.scene import (
     Block,
+    Body,
     FilteredNoise,
     Harmonic,
     Harmonics,
@@ -20,7 +21,7 @@ from fpk_rocking.scene import (
     Start,
     WhiteNoise,
 )
-from fpk_rocking.studies import grid, intensities, resized, scaled
+from fpk_rocking.studies import drawn, grid, intensities, resized, scaled
 from fpk_rocking.studies.motions import measured
 from fpk_rocking.studies.scenes import varied
 
@@ -212,3 +213,27 @@ def test_intensities_with_units():
     tangent = 0.6 / 2.0
     assert result.relative_velocity == pytest.approx(size.frequency_parameter * pgv / (9.80665 * tangent), rel=1e-8)
     assert np.allclose(intensities(scaled(scene, 2.5))[:4], 2.5 * np.array(result[:4]), rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", list(SHAKINGS))
+def test_a_body_with_another_length_is_that_body_under_the_same_shaking(kind):
+    lengths = {"height_of_centre": 1.1, "right": 0.3, "left": 0.38, "radius_of_gyration": 0.62}
+    old = Scene.from_block(body=Body(**lengths), **SHAKINGS[kind], **NOISE)
+    # 0.25 on the left makes that the side that falls more easily, which is the unit of all angles.
+    for name, value in (("height_of_centre", 1.4), ("left", 0.25), ("right", 0.36), ("radius_of_gyration", 0.8)):
+        new = varied(old, name, value)
+        same(new, Scene.from_block(body=Body(**lengths | {name: value}), **SHAKINGS[kind], **NOISE))
+        assert new.block.body == Body(**lengths | {name: value})
+    own = dataclasses.replace(old, block=Block((0.8, 0.7), body=old.block.body))
+    assert varied(own, "left", 0.25).block.restitution == (0.8, 0.7)
+
+
+def test_lengths_and_restitutions_of_a_body_are_drawn():
+    old = Scene.from_block(body=Body(1.1, 0.3, 0.38, 0.62), **SHAKINGS["harmonic"])
+    draws = drawn(old, {"radius_of_gyration_factor": "uniform:0.9:1.1", "block.restitution_factor": "uniform:0.9:1"}, 4)
+    for scene, factor, loss in zip(draws.scenes, *draws.values.values(), strict=True):
+        body = Body(1.1, 0.3, 0.38, 0.62 * factor)
+        assert scene.block.body == body
+        assert scene.block.restitution == pytest.approx(tuple(loss * e for e in body.restitution), rel=1e-15)
+    with pytest.raises(ValueError, match=r"parameter: got 'left', accepted: only where the scene has \[block.body\]"):
+        varied(Scene.from_block(0.6, 2.0, **SHAKINGS["harmonic"]), "left", 0.3)

@@ -178,17 +178,17 @@ def largest_correction(force: float, critical_angle: float | None, saddle: float
     return bent + abs(scale - 1.0) * (saddle + force)
 
 
-def saddle_speed(force: float, critical_angle: float | None) -> float:
+def saddle_speed(force: float, critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
     """Speed at zero angle from which a block just reaches the saddle, under a constant force s f up to lift-off.
 
-    `force` is s f and `critical_angle` α, radians. It is 1 - s f for a slender block, and 2 sin(α/2)/α without a force
-    (the integral of u'' over the angle).
+    `force` is s f, `critical_angle` α, radians, and `saddle` m and `scale` κ are those of the side. It is 1 - s f for a
+    slender block, and of equal sides 2 sin(α/2)/α without a force (the integral of u'' over the angle).
     """
     if not critical_angle:
         return max(1.0 - force, 0.0)
     alpha = critical_angle
-    square = math.hypot(1.0, alpha * force) - math.cos(alpha) - alpha * force * math.sin(alpha)
-    return math.sqrt(2.0 * max(square, 0.0)) / alpha
+    square = math.hypot(1.0, alpha * force) - math.cos(alpha * saddle) - alpha * force * math.sin(alpha * saddle)
+    return math.sqrt(2.0 * scale * max(square, 0.0)) / alpha
 
 
 class SidesOfContact(NamedTuple):

@@ -1,0 +1,62 @@
+"""Blocks that count as overturned and yet come back: what the default angle of overturning changes beside the fall.
+
+The default, π/2 critical angles, is passed before a block falls, and strong shaking can bring it back from there. Monte
+Carlo follows some of the paths that pass it on to the fall, which is 90 degrees, where the block lies flat.
+"""
+
+import math
+
+from fpk_rocking.base.checks import Array
+from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.scene.parts import Overturning
+from fpk_rocking.scene.scene import Scene
+
+__all__ = ["angle_of_fall", "return_diagnostics"]
+
+
+def angle_of_fall(scene: Scene) -> float | None:
+    """Angle at which the block of a scene lies flat, 90 degrees, in critical angles.
+
+    None where the critical angle is unknown, or where overturning is at another angle than the default, or not before
+    the fall.
+    """
+    alpha, cutoff = scene.block.critical_angle, scene.overturning.angle
+    before = cutoff == Overturning().angle and 0.0 < alpha * cutoff < 0.5 * math.pi
+    return 0.5 * math.pi / alpha if before else None
+
+
+def return_diagnostics(scene: Scene, overturned: float, error: float, returns: Array) -> list[Diagnostic]:
+    """List with the `Diagnostic` of blocks that come back, where they change a probability by more than its error.
+
+    Parameters
+    ----------
+    scene : Scene
+    overturned, error : float
+        Probability of having overturned by the last time, and its error.
+    returns : ndarray of int, shape (2,)
+        How many paths that overturned were followed on to the fall, and how many of them came back.
+
+    Returns
+    -------
+    list of Diagnostic
+        Empty where the lower limit (95 %) of what comes back is within the error.
+    """
+    followed, back = (int(count) for count in returns)
+    if followed == 0:
+        return []
+    low, high = wilson_interval(back, followed).tolist()
+    if overturned * low <= error:
+        return []
+    degrees = math.degrees(scene.block.critical_angle * scene.overturning.angle)
+    limits = (
+        "" if scene.deterministic else f" (95 %: {overturned * (1.0 - high):.2f} to {overturned * (1.0 - low):.2f})"
+    )
+    paths = "the path" if followed == 1 else f"{followed} such paths"
+    sentence = (
+        f"A block counts as overturned here from {degrees:.0f}° on (π/2 critical angles, the default), but the shaking "
+        f"brings blocks back from there: of {paths} followed on, {back} did not fall. P(overturned) would be about "
+        f"{overturned * (1.0 - back / followed):.2f}{limits} in place of {overturned:.2f} if the fall itself counted: "
+        'overturning_angle = "90 deg" (in a scene file overturning.angle_deg = 90).'
+    )
+    return [Diagnostic(CAUTION, sentence, "returns")]
