@@ -25,6 +25,8 @@ _PILOT, _GROWTH = 1000, 16
 """Paths before anything is predicted, and how many times more may follow before the prediction is made anew."""
 _SHORT_S = 1.0
 """Predicted seconds of paths below which nothing else is tried."""
+_SPLITTING_S = 15.0
+"""Predicted seconds of paths below which splitting is not tried: its score alone takes 5 to 8 s of one processor."""
 _FINER = 2.0
 """Seconds of a density whose forcing does not repeat over those predicted, which leave finer solutions out."""
 _LONG_S = 5.0
@@ -338,11 +340,11 @@ class _Call:
         """Whether splitting, not yet tried, takes the scene, and overturning is rare."""
         scene = self.run.scene
         rare = self.wanted.of(self._share) < self._share < 0.02
-        return paths_s > _SHORT_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
+        return paths_s > _SPLITTING_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
 
     def _splitting(self, paths_s):
         """Return the answer by splitting; None where it would take longer than paths."""
-        counts, walkers = self.counts, 300
+        counts, walkers, repeats = self.counts, 10, 2  # the first call makes the score, which serves the others
         self.split = True
         while True:
             began = time.perf_counter()
@@ -350,13 +352,16 @@ class _Call:
                 rare = split(
                     self.run.scene,
                     walkers=walkers,
-                    repeats=_REPEATS,
+                    repeats=repeats,
                     seed=self.run.seed,
                     progress=self.progress,
                     **self._rows,
                 )
             except ValueError:  # more walkers than memory holds
                 return None
+            if repeats < _REPEATS:
+                walkers, repeats = 300, _REPEATS
+                continue
             last = float(rare.probability[-1])
             error, wanted = _STUDENT * float(rare.standard_error[-1]), self.wanted.of(last)
             if error <= wanted and last and not rare.skewed:

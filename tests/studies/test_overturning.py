@@ -106,7 +106,8 @@ def test_density_slower_than_predicted_is_left_for_paths(monkeypatch):
 
 
 def test_splitting_where_overturning_is_rare(monkeypatch):
-    monkeypatch.setattr(overturning, "_SHORT_S", 0.0)
+    monkeypatch.setattr(overturning, "_SPLITTING_S", 0.0)
+    monkeypatch.setattr(overturning, "_SHORT_S", np.inf)
     answer = probability(RARE, cycles=2, rtol=0.3)
     expected, standard_error = RARE_OVERTURNED
     assert answer.method == "splitting"
