@@ -30,6 +30,7 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene import FilteredNoise, Pulse
 from fpk_rocking.studies import overturning, synthetic_records
 from montecarlo import simulate, split
+from montecarlo.engines.walkers import score_table
 
 CYCLES = 10
 KINDS = "band", "white", "filtered", "pulse", "record"
@@ -68,10 +69,12 @@ def scenes(seed, count, rare):
     while count > 0:
         kind = KINDS[(count - 1) % (2 if rare else len(KINDS))]
         scene, rows = drawn(kind, random)
-        if rare and kind == "white":
-            share = float(split(scene, walkers=100, repeats=20, seed=9, **rows).probability[-1])
-        else:
-            share = 1.0 - simulate(scene, realizations=300_000 if rare else 4000, seed=9, **rows).survival[-1]
+        share = 1.0 - simulate(scene, realizations=4000, seed=9, **rows).survival[-1]
+        if rare and share < 0.001:
+            if kind == "white":
+                share = float(split(scene, walkers=100, repeats=20, seed=9, **rows).probability[-1])
+            else:
+                share = 1.0 - simulate(scene, realizations=100_000, seed=9, **rows).survival[-1]
         if (1e-6 < share < 1e-2) if rare else (0.002 < share < 0.998):
             count -= 1
             yield kind, scene, rows
@@ -133,7 +136,8 @@ def _truth(scene, rows, answer, truth_s):
 
 
 def _splitting_seconds(scene, rows, answer):
-    """Processor seconds of splitting alone with the walkers of an answer."""
+    """Processor seconds of splitting alone with the walkers of an answer, its score included."""
+    score_table.cache_clear()
     begin = time.process_time()
     repeats = overturning._REPEATS
     split(scene, walkers=answer.realizations // repeats, repeats=repeats, seed=_TRUTH_SEED, **rows)
@@ -205,7 +209,9 @@ def _answers(options, wanted):
     for kind in KINDS:  # machine code
         scene, rows = drawn(kind, np.random.default_rng(0))
         probability(scene, tol=0.05, **rows)
-    solve_fpk(drawn("white", np.random.default_rng(0))[0], cycles=1, tol=1e-2)
+    white = drawn("white", np.random.default_rng(0))[0]
+    solve_fpk(white, cycles=1, tol=1e-2)
+    split(white, cycles=1, walkers=10, repeats=2)
     for number, draw in enumerate(scenes(options.seed, options.scenes, options.rare)):
         if number < len(results):
             continue

@@ -377,7 +377,7 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
     path = TUNING.seconds_exact_path if scene.block.critical_angle else TUNING.seconds_path
     preparation = paths * path + space.unknowns * TUNING.seconds_preparation
     application = paths * TUNING.seconds_deposit + space.unknowns * TUNING.seconds_flight
-    return float(different * preparation + steps * application)
+    return float(TUNING.seconds_startup + different * preparation + steps * application)
 
 
 def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:

@@ -173,19 +173,22 @@ def solve_fpk(
     return result
 
 
-def predicted_seconds(scene: Scene, *, tol: float, cycles: int | None = None, times: ArrayLike | None = None) -> float:
-    """Predict the seconds of one processor that `solve_fpk` takes for a scene, to about a factor of two.
+def predicted_seconds(
+    scene: Scene, *, tol: float, cycles: int | None = None, times: ArrayLike | None = None
+) -> list[float]:
+    """Predict the seconds of one processor that each solution of `solve_fpk` takes, to about a factor of two.
 
     Parameters
     ----------
     scene : Scene
         With white noise.
     tol, cycles, times
-        As for `solve_fpk`. A finer solution, where the tolerance asks for one, is not counted.
+        As for `solve_fpk`.
 
     Returns
     -------
-    float
+    list of float
+        From coarse to fine, of those that are always solved. What a finer one takes is not among them.
 
     Raises
     ------
@@ -195,7 +198,7 @@ def predicted_seconds(scene: Scene, *, tol: float, cycles: int | None = None, ti
     refuse_unsolvable(scene)
     rows = result_times(scene, cycles, times)
     meshes = _discretizations(scene, scene, explore(scene, rows), resolutions_for(tol, before=SOLUTIONS - 1))
-    return sum(estimated_seconds(scene, mesh, rows) for mesh in meshes[:SOLUTIONS])
+    return [estimated_seconds(scene, mesh, rows) for mesh in meshes[:SOLUTIONS]]
 
 
 def _tolerances(scene, tol, bins_tol):

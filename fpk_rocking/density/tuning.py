@@ -62,16 +62,18 @@ class Tuning(NamedTuple):
     # Time, seconds on one core of 2024, for the part of the mesh that usually holds something.
     long_seconds: float = 20.0
     """Seconds from which on a call says how long it will take."""
-    seconds_path: float = 8e-8
+    seconds_path: float = 1.2e-7
     """Seconds for a path of a slender block."""
-    seconds_exact_path: float = 1.6e-7
+    seconds_exact_path: float = 2.4e-7
     """Seconds for a path of an exact block."""
-    seconds_deposit: float = 4e-9
+    seconds_deposit: float = 1e-8
     """Seconds for the mass of a path."""
-    seconds_preparation: float = 4e-7
+    seconds_preparation: float = 6e-7
     """Seconds for an unknown in a step to be set up."""
-    seconds_flight: float = 2e-8
+    seconds_flight: float = 5e-8
     """Seconds for an unknown in a step to be taken."""
+    seconds_startup: float = 0.18
+    """Seconds from the start to the first density that the mesh resolves."""
 
     # Exploratory paths.
     exploratory_paths: int = 256

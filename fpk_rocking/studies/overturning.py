@@ -25,7 +25,9 @@ _PILOT, _GROWTH = 1000, 16
 """Paths before anything is predicted, and how many times more may follow before the prediction is made anew."""
 _SHORT_S = 1.0
 """Predicted seconds of paths below which nothing else is tried."""
-_FINER = 5.0
+_SPLITTING_S = 15.0
+"""Predicted seconds of paths below which splitting is not tried: its score alone takes 5 to 8 s of one processor."""
+_FINER = 2.0
 """Seconds of a density whose forcing does not repeat over those predicted, which leave finer solutions out."""
 _LONG_S = 5.0
 """Predicted seconds from which on a call says how long it will take."""
@@ -51,7 +53,8 @@ def probability(
 
     A scene without noise has one path. Else 1,000 paths are sampled first. From them the seconds are predicted that
     more paths take until the error is small enough, under white noise also those of the density (`solve_fpk`) and of
-    splitting (`montecarlo.split`), and the shortest way is taken. Band noise and filtered noise act as they are.
+    splitting (`montecarlo.split`), and the shortest way is taken. The density is left where its first solutions take so
+    much longer than predicted that paths are shorter. Band noise and filtered noise act as they are.
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
     as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
@@ -124,6 +127,10 @@ class _Wanted(NamedTuple):
     def next_stage(self, overturned, paths):
         """Return how many paths there are after the next stage: what is needed, within the factors of a stage."""
         return int(min(max(self.paths(overturned, paths), 1.25 * paths), _GROWTH * paths))
+
+
+class _SlowerError(Exception):
+    """The density takes longer than was predicted, and than paths."""
 
 
 class _Counts:
@@ -278,48 +285,72 @@ class _Call:
         return max(self.counts.overturned, 1) / self.counts.paths
 
     @functools.cached_property
-    def _density_s(self):
-        """Predicted seconds of the density; inf where the solver does not take the scene or the wanted error."""
+    def _solutions_s(self):
+        """Predicted seconds of each solution of the density; inf where the solver takes no such scene or error."""
         from fpk_rocking.density.solver import predicted_seconds
 
         scene, tol = self.run.scene, self.wanted.of(self._share)
         if scene.noise.kind != "white" or tol < 1e-4 or tol > 0.1:
-            return math.inf
+            return [math.inf]
         try:
-            return (1.0 if scene.repeats else _FINER) * predicted_seconds(scene, tol=tol, **self._rows)
+            predicted = predicted_seconds(scene, tol=tol, **self._rows)
         except ValueError:
-            return math.inf
+            return [math.inf]
+        return [seconds if scene.repeats else _FINER * seconds for seconds in predicted]
 
     def _density_pays(self, paths_s):
         """Whether the density, not yet tried, is predicted to take less time than paths."""
-        return paths_s > _SHORT_S and self._density_s < min(paths_s, self.limit_s)
+        return paths_s > _SHORT_S and sum(self._solutions_s) < min(paths_s, self.limit_s)
 
     def _density(self, paths_s):
-        """Return the answer by the density; None if it is not accurate enough, or not that of the paths so far."""
+        """Return the answer by the density.
+
+        None if it is not accurate enough, not that of the paths so far, or slower than predicted, and so than paths.
+        """
         from fpk_rocking.density.solver import solve_fpk
 
-        counts, tol, seconds = self.counts, self.wanted.of(self._share), self._density_s
-        self._density_s = math.inf  # once
+        counts, tol, predicted = self.counts, self.wanted.of(self._share), self._solutions_s
+        self._solutions_s = [math.inf]  # once
+        watch = self._stop_if_slow(predicted, min(paths_s, self.limit_s))
         try:
-            density = solve_fpk(self.run.scene, tol=tol, bins_tol=math.inf, progress=self.progress, **self._rows)
-        except ValueError:  # no mesh resolves this scene
+            density = solve_fpk(self.run.scene, tol=tol, bins_tol=math.inf, progress=watch, **self._rows)
+        except (ValueError, _SlowerError):  # the first: no mesh resolves this scene
             return None
         error = density.error_estimate
         difference = abs(density.survival[-1] - 1.0 + counts.overturned / counts.paths)
         if error > tol or difference > error + 2.0 * counts.half_widths[-1, 0]:
             return None
-        reason = f"The density was predicted to take {seconds:.1g} s, paths {paths_s:.1g} s."
+        reason = f"The density was predicted to take {sum(predicted):.1g} s, paths {paths_s:.1g} s."
         return self.result("density", reason, np.asarray(density.overturned), error, 0)
+
+    def _stop_if_slow(self, predicted, limit):
+        """Return a `progress` of `solve_fpk` that raises `_SlowerError` where more than `limit` seconds are to come.
+
+        What the solutions so far took, over what was `predicted` for them (a list of seconds), holds for the others.
+        """
+        rows, began = len(self.run.times) - 1, time.perf_counter()
+
+        def watch(done, total):
+            """Report, and after each solution but the last compare."""
+            if self.progress:
+                self.progress(done, total)
+            solutions = done // rows
+            if done % rows == 0 and solutions < len(predicted):
+                slower = (time.perf_counter() - began) / sum(predicted[:solutions])
+                if slower * sum(predicted[solutions:]) > limit:
+                    raise _SlowerError
+
+        return watch
 
     def _splitting_pays(self, paths_s):
         """Whether splitting, not yet tried, takes the scene, and overturning is rare."""
         scene = self.run.scene
         rare = self.wanted.of(self._share) < self._share < 0.02
-        return paths_s > _SHORT_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
+        return paths_s > _SPLITTING_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
 
     def _splitting(self, paths_s):
         """Return the answer by splitting; None where it would take longer than paths."""
-        counts, walkers = self.counts, 300
+        counts, walkers, repeats = self.counts, 10, 2  # the first call makes the score, which serves the others
         self.split = True
         while True:
             began = time.perf_counter()
@@ -327,13 +358,16 @@ class _Call:
                 rare = split(
                     self.run.scene,
                     walkers=walkers,
-                    repeats=_REPEATS,
+                    repeats=repeats,
                     seed=self.run.seed,
                     progress=self.progress,
                     **self._rows,
                 )
             except ValueError:  # more walkers than memory holds
                 return None
+            if repeats < _REPEATS:
+                walkers, repeats = 300, _REPEATS
+                continue
             last = float(rare.probability[-1])
             error, wanted = _STUDENT * float(rare.standard_error[-1]), self.wanted.of(last)
             if error <= wanted and last and not rare.skewed:
