@@ -4,6 +4,7 @@ import importlib
 import itertools
 import pathlib
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -51,13 +52,16 @@ def scene():
     return Scene.from_block(0.6, 2.0, 2.5, 1.5, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 6.0))
 
 
-def test_a_refusal_is_a_row_with_its_reason(scene, monkeypatch, tmp_path):
+def test_a_refusal_is_a_row_with_its_reason(scene, monkeypatch):
     def refuse(*_, **__):
         raise RuntimeError("no | answer")
 
-    monkeypatch.setattr(benchmark, "KEPT", tmp_path)
+    reference = SimpleNamespace(standing=np.array([60, 30]), paths=60)
+    references = {(scene.white_equivalent(), 60): reference}
+    monkeypatch.setattr(benchmark, "reference_of", lambda *asked: references[asked])
     monkeypatch.setattr(benchmark, "solve_fpk", refuse)
-    row = benchmark.judged(scene, 1e-2, 500)
+    row = benchmark.judged(scene, 1e-2, 60)
+    assert row.survival == 0.5
     cells = benchmark.cells_of(1, row)
     assert not row.answered
     assert cells[-1] == "RuntimeError: no ¦ answer"

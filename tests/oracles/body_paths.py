@@ -28,27 +28,37 @@ def overturned(lengths, fallen, base, noise, end, paths, steps, seed):
     height, right, left, radius = lengths
     rng, step = np.random.default_rng(seed), end / steps
     next_impulses = noise(rng, paths, step)
-    angle, rate, outcome = np.zeros(paths), np.zeros(paths), np.zeros(paths, int)
-    side = np.where(base(0.0) > 0.0, 1, -1) * np.ones(paths, int)
     square = radius**2 + height**2
     kept = square - right * left
     to_left, to_right = kept / (square + left**2), kept / (square + right**2)
-    for number in range(steps):
+
+    def levers(side):
+        """Distances (n,) of the corners of contact, with the signs of their sides, and inertia about them."""
         distance = np.where(side > 0, right, left)
-        middle = angle + 0.5 * step * rate
-        sine, cosine = np.sin(middle), np.cos(middle)
-        x, y = height * sine - side * distance * cosine, height * cosine + side * distance * sine
-        moved = step * base((number + 0.5) * step) + next_impulses()
-        new = rate + (step * G * x + y * moved) / (square + distance**2)
-        last = middle + 0.5 * step * new
-        crossed = side * last < 0.0
-        e = np.where(side > 0, to_left, to_right)
-        side = np.where(crossed, -side, side)
-        last, new = np.where(crossed, e * last, last), np.where(crossed, e * new, new)
-        over = (outcome == 0) & (np.abs(last) >= fallen)
-        outcome[over] = side[over]
-        out = outcome != 0
-        angle, rate = np.where(out, 0.0, last), np.where(out, 0.0, new)
+        return side * distance, square + distance**2
+
+    outcome, standing = np.zeros(paths, int), np.arange(paths)
+    angle, rate, side = np.zeros(paths), np.zeros(paths), np.full(paths, 1 if base(0.0) > 0.0 else -1)
+    lever, inertia = levers(side)
+    for number in range(steps):
+        moved = step * base((number + 0.5) * step) + next_impulses()[standing]
+        angle += 0.5 * step * rate
+        sine, cosine = np.sin(angle), np.cos(angle)
+        x, y = height * sine - lever * cosine, height * cosine + lever * sine
+        rate += (step * G * x + y * moved) / inertia
+        angle += 0.5 * step * rate
+        crossed = np.flatnonzero(side * angle < 0.0)
+        e = np.where(side[crossed] > 0, to_left, to_right)
+        angle[crossed] *= e
+        rate[crossed] *= e
+        side[crossed] *= -1
+        lever[crossed], inertia[crossed] = levers(side[crossed])
+        over = np.abs(angle) >= fallen
+        if over.any():
+            outcome[standing[over]] = side[over]
+            standing, angle, rate, side, lever, inertia = (
+                values[~over] for values in (standing, angle, rate, side, lever, inertia)
+            )
     return np.mean(outcome == -1), np.mean(outcome == 1)
 
 

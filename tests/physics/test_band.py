@@ -1,5 +1,6 @@
 """Shinozuka noise: exact at late times, the law of the paper's equation (4), and its interpolant between samples."""
 
+import functools
 import itertools
 import math
 from fractions import Fraction
@@ -25,11 +26,15 @@ from montecarlo.engines.random import open_stream, stream_keys, uniform_pairs
 VARIANCE, BAND = 0.04, (1.0, 6.0)
 
 
-def draw(realization, half=1, count=100, frequencies="independent"):
+@functools.cache
+def parameters_of(count, frequencies):
+    """The engine's parameters for noise of a number of harmonics."""
     noise = BandNoise(VARIANCE, BAND, count, frequencies=frequencies)
-    scene = Scene(Block(0.5), Harmonic(1.0, 2.7), noise)
-    harmonics = band.allocate_realization(count, half)
-    parameters = rk4.parameters_of(scene, 8)
+    return rk4.parameters_of(Scene(Block(0.5), Harmonic(1.0, 2.7), noise), 8)
+
+
+def draw(realization, half=1, count=100, frequencies="independent"):
+    harmonics, parameters = band.allocate_realization(count, half), parameters_of(count, frequencies)
     draw_start_and_noise(open_stream(stream_keys(5), realization), parameters.start, parameters.band, harmonics)
     return harmonics
 
@@ -66,7 +71,7 @@ def test_stratified_noise_is_gaussian_whatever_the_number_of_harmonics(count):
     """At one time and between two, of 20,000 realizations; false alarm 2e-3. Equal amplitudes fail with p < 1e-20."""
     drawn = [draw(number, count=count, frequencies="stratified") for number in range(20_000)]
     rates, phases, weights = (
-        np.array([getattr(one, name)[:count] for one in drawn]) for name in ("ratios", "phases", "weights")
+        np.array([getattr(harmonics, name)[:count] for harmonics in drawn]) for name in ("ratios", "phases", "weights")
     )
     first, second = ((weights * np.cos(2.0 * math.pi * (rates * t + phases))).sum(axis=1) for t in (0.0, 0.15))
     assert kstest(first, "norm", (0.0, math.sqrt(VARIANCE))).pvalue > 1e-3

@@ -2,6 +2,7 @@
 
 import csv
 import dataclasses
+import functools
 import json
 import math
 
@@ -18,14 +19,27 @@ from fpk_rocking.studies.tasks import TASKS
 from montecarlo import histories, simulate
 
 
+def written_records(folder, count):
+    """Paths of text files with some of the records, in m/s²."""
+    files = [folder / f"{n}.txt" for n in range(count)]
+    for n, file in enumerate(files):
+        file.write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(record(n).samples)))
+    return files
+
+
+def without_forcing(scene):
+    """Text of a scene file without its table of the forcing."""
+    kept = "\n".join(part for part in scene.to_toml().split("\n\n") if not part.startswith("[forcing]"))
+    assert "forcing" not in kept
+    return kept
+
+
 def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     """Six records from files by the command line; the figures of its JSON are those of the parts, one by one."""
     scene = Scene(Block(0.9, SIZE), Harmonic(1.0, 2.0), BandNoise(0.02, (0.0, 8.0), 20))
     (tmp_path / "rack.toml").write_text(scene.to_toml())
     (tmp_path / "h.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
-    files = [tmp_path / f"{n}.txt" for n in range(6)]
-    for n, file in enumerate(files):
-        file.write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(record(n).samples)))
+    files = written_records(tmp_path, 6)
     arguments = [
         "risk",
         str(tmp_path / "rack.toml"),
@@ -127,9 +141,7 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
     assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
     assert values["trust"]["verdict"] in {"caution", "do not use"}
-    twice = study(
-        changed, [record(1), *map(record, range(1, 5))], Hazard.power_law(1e-3, 2.0), (0.4, 1.6), realizations=5
-    )
+    twice = study(changed, [record(1), *map(record, range(1, 5))], None, (0.4, 1.6), realizations=5)
     assert "1 of 5 motions are the same as another one." in twice.trust.reasons
     assert not any("are the same" in reason for reason in result.trust.reasons)
     for text in ("block.restitution", "=0.8", " =0.8"):
@@ -140,18 +152,20 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
 def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tmp_path, capsys, monkeypatch):
     """Interrupted at its fourth point: nothing is written but the store, and the same command computes the others."""
     scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
-    text = scene.to_toml()
-    kept = "\n".join(part for part in text.split("\n\n") if not part.startswith("[forcing]"))
-    assert "forcing" not in kept
+    text, kept = scene.to_toml(), without_forcing(scene)
     missing = kept + '\n[forcing]\nkind = "record"\nfile = "x"\n'
-    words = ["--hazard", "1e-3:2", "--intensities", "0.4,0.8", "--realizations", "20", "--synthetic", "5"]
+    motions = ["--intensities", "0.4,0.8", "--realizations", "20", "--units", "m/s2", "--json", "--records"]
+    motions += map(str, written_records(tmp_path, 5))
     outcomes = []
     for number, content in enumerate((text, kept, missing)):
         file = tmp_path / f"rack{number}.toml"
         file.write_text(content)
-        assert cli.main(["risk", str(file), *words, "--json"]) == 0
+        assert cli.main(["risk", str(file), *motions]) == 0
         outcomes.append(json.loads(capsys.readouterr().out)["fragility"]["overturned"])
     assert outcomes[0] == outcomes[1] == outcomes[2]
+    words = [*motions, "--hazard", "1e-3:2"]
+    assert cli.main(["risk", str(file), *words]) == 0
+    undisturbed = json.loads(capsys.readouterr().out)
     arguments = ["risk", str(file), *words, "--store", str(tmp_path / "points"), "--out", str(tmp_path / "out")]
     computed, task = [], TASKS["mc"]
 
@@ -168,11 +182,14 @@ def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tm
     assert capsys.readouterr().err.endswith(left)
     assert not (tmp_path / "out").exists()
     assert cli.main(arguments) == 0
-    added = 5 * json.loads((tmp_path / "out" / "risk.json").read_text())["added_intensities"]
+    added = 5 * undisturbed["added_intensities"]
+    assert len(computed) == 4 + 7 + added > 4 + 7
+    written = json.loads((tmp_path / "out" / "risk.json").read_text())
+    assert written["fragility"]["overturned"] == undisturbed["fragility"]["overturned"]
+    capsys.readouterr()
+    assert cli.main(arguments[: arguments.index("--out")]) == 0
+    assert json.loads(capsys.readouterr().out)["fragility"]["overturned"] == undisturbed["fragility"]["overturned"]
     assert len(computed) == 4 + 7 + added
-    assert cli.main(arguments) == 0
-    assert len(computed) == 4 + 7 + added
-    assert json.loads((tmp_path / "out" / "risk.json").read_text())["fragility"]["overturned"] == outcomes[0]
 
 
 def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, capsys):
@@ -216,9 +233,8 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
 
 
 def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):
-    scene = Scene(Block(0.9, SIZE), record(0), NoNoise())
-    (tmp_path / "rack.toml").write_text(scene.to_toml())
-    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.8", "--json"]
+    (tmp_path / "rack.toml").write_text(without_forcing(Scene(Block(0.9, SIZE), record(0), NoNoise())))
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--intensities", "0.01,0.02", "--json"]
     tables = {}
     for corner in ("0.1", "2"):
         more = ["--synthetic", "5", "--baseline", "high-pass", "--corner-hz", corner]
@@ -287,6 +303,7 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
         assert said in capsys.readouterr().err
 
 
+@functools.cache
 def stepped(count):
     block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
     return study(block, motions, Hazard([0.2, 0.7, 3.0], [2e-3, 8e-5, 1e-6]), np.geomspace(0.3, 3.0, count))

@@ -6,13 +6,12 @@ Run as ``python killed.py CHECKPOINT REALIZATIONS``; tests stop it in every way 
 import math
 import sys
 
-import fuzz
-
+from fpk_rocking import Block, Harmonic, Scene, WhiteNoise
 from montecarlo import Tally, tally
 from montecarlo.engines import batches
 from montecarlo.results.tally import Checkpoint
 
-SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
+SCENE = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.006))
 ASKED = {"cycles": 4, "angle_edges": [-1.6, 0.0, 1.6], "velocity_edges": [-3.0, 0.0, 3.0]}
 
 

@@ -11,13 +11,13 @@ import threading
 import fakes
 import pytest
 import study_tasks
-from test_fuzz_files import ASKED, EDGES, content, evolution
+from test_fuzz_files import ASKED, content, evolution
 
 from fpk_rocking import cli
 from fpk_rocking.base import files
 from fpk_rocking.output import figures, vtk
 from fpk_rocking.studies import sweep
-from montecarlo import Ensemble, histories, simulate, tally
+from montecarlo import Ensemble, simulate
 
 resource = pytest.importorskip("resource", reason="limits of a process are those of Unix")
 WHITE = ASKED["scene"]
@@ -34,29 +34,21 @@ def disk_with(room):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def writers():
-    """Everything that writes a file: what it is called with is the path."""
-    fake = fakes.FakeEvolution(WHITE, cycles=2)
-    return {
-        "evolution": evolution().save,
-        "ensemble": simulate(**ASKED).save,
-        "tally": tally(**ASKED, **EDGES).save,
-        "histories": histories(**ASKED).save,
-        "text": lambda path: files.write_text(path, "σ" * 4000),
-        "summary": lambda path: files.write_json(path, {"survival": [0.5] * 1000}),
-        "figure": lambda path: figures.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
-        "series": lambda path: vtk.write_series(path.parent, "jpdf", fake, [1, 2]),
-    }
+NAMES = ["result", "text", "summary", "figure", "series"]
 
 
 @pytest.fixture(scope="module")
 def every_writer():
-    functions = writers()
-    assert functions.keys() == set(NAMES)
-    return functions
-
-
-NAMES = ["evolution", "ensemble", "tally", "histories", "text", "summary", "figure", "series"]
+    """Everything that writes a file, by `NAMES`: what it is called with is the path."""
+    fake = fakes.FakeEvolution(WHITE, cycles=2)
+    functions = (
+        evolution().save,
+        lambda path: files.write_text(path, "σ" * 4000),
+        lambda path: files.write_json(path, {"survival": [0.5] * 1000}),
+        lambda path: figures.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
+        lambda path: vtk.write_series(path.parent, "jpdf", fake, [1, 2]),
+    )
+    return dict(zip(NAMES, functions, strict=True))
 
 
 def state(folder):

@@ -11,20 +11,13 @@ from hypothesis import strategies as st
 from fpk_rocking import Record, load_scene, solve_fpk
 from fpk_rocking.density import Evolution
 from fpk_rocking.studies import fragility, grid, sweep
-from montecarlo import (
-    histories,
-    overturning_rate,
-    simulate,
-    split,
-    tally,
-)
+from montecarlo import histories, overturning_rate, simulate, split, tally
 
 BAND = fuzz.scene(noise=fuzz.BandNoise(0.04, (0.0, 10.0), 3))
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006))
 SMALL = {"cycles": 1, "realizations": 3}
 ENSEMBLE = simulate(WHITE, cycles=2, realizations=40)
 TALLY = tally(WHITE, cycles=2, realizations=40)
-HISTORIES = histories(WHITE, cycles=2, realizations=4, samples_per_cycle=4)
 EDGES = np.linspace(-1.6, 1.6, 5)
 LINES = np.linspace(-2.0, 2.0, 5)
 EVOLUTION = Evolution(
@@ -103,6 +96,9 @@ ENTRIES = {
     "Ensemble.bin_probabilities": (ENSEMBLE.bin_probabilities, BINNED, BINS),
     "Tally.bin_probabilities": (TALLY.bin_probabilities, KEPT, BINS),
     "Evolution.bin_probabilities": (EVOLUTION.bin_probabilities, BINNED, BINS),
+    # One function saves all kinds of result, and one loads them.
+    "Evolution.save": (EVOLUTION.save, {}, {"path": WRONG_PATHS}),
+    "Evolution.load": (Evolution.load, {}, {"path": WRONG_PATHS}),
     "Evolution.at": (EVOLUTION.at, {"cycle": 1}, {"cycle": WRONG_CYCLES}),
     "solve_fpk": (solve_fpk, {"scene": WHITE, "cycles": 1, "tol": 1e-2}, SOLVE),
     "load_scene": (load_scene, {}, {"path": WRONG_PATHS}),
@@ -121,9 +117,6 @@ ENTRIES = {
     ),
     "grid": (grid, {"scene": BAND, "axes": {"forcing.phase": [1.0]}}, {"scene": WRONG_SCENES, "axes": WRONG_OVER}),
 }  # fmt: skip
-for result in (EVOLUTION, ENSEMBLE, TALLY, HISTORIES):
-    for method in (result.save, type(result).load):
-        ENTRIES[f"{type(result).__name__}.{method.__name__}"] = (method, {}, {"path": WRONG_PATHS})
 ALSO = {
     "over": ("axes", "parameter", "forcing.", "noise."),
     "axes": ("parameter", "forcing.", "noise."),

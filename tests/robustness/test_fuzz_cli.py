@@ -29,17 +29,9 @@ ODD = st.one_of(
     st.floats().map(str),
 )
 OPTIONS = [
-    "--cycles",
-    "--realizations",
-    "--seed",
-    "--method",
-    "--steps-per-cycle",
-    "--tol",
-    "--bins-tol",
-    "--tally",
-    "--checkpoint",
-]
-OPTIONS += ["--json", "--nonsense", "--help", "-h", "--out"]
+    "--cycles", "--realizations", "--seed", "--method", "--steps-per-cycle", "--tol", "--bins-tol", "--tally",
+    "--checkpoint", "--json", "--nonsense", "--help", "-h", "--out",
+]  # fmt: skip
 
 
 def run(*arguments):

@@ -50,16 +50,12 @@ def spoiled(draw, text):
 @fuzz.sizes(80, 4000)
 def test_spoiled_record_files_are_read_as_finite_or_refused(examples, name, tmp_path):
     (text, units), path = TEXTS[name], tmp_path / name
+    names = "forcing.file", "forcing.interval", "forcing.units"
 
     def claim(data):
         path.write_bytes(data)
         records = []
-        if not fuzz.refused(
-            lambda: records.append(Record.from_file(path, units=units)),
-            "forcing.file",
-            "forcing.interval",
-            "forcing.units",
-        ):
+        if not fuzz.refused(lambda: records.append(Record.from_file(path, units=units)), *names):
             assert len(records[0].samples) >= 2
             assert all(map(math.isfinite, (records[0].interval, *records[0].samples)))
 

@@ -1,5 +1,6 @@
 """Fragility: counts against direct runs and whole histories, engines against each other, results kept and shown."""
 
+import concurrent.futures
 import csv
 import dataclasses
 import io
@@ -250,7 +251,8 @@ def test_a_store_makes_the_same_of_two_halves(tmp_path, main_scene, curve):
     options = {"cycles": 5, "levels": (0.5, 1.0), "realizations": 2000, "seed": 3, "store": tmp_path / "rows.jsonl"}
     with pytest.raises(KeyboardInterrupt):
         fragility(main_scene, scale=SCALE, progress=stop, **options)
-    curves = fragility(main_scene, scale=SCALE, workers=2, **options)
+    with concurrent.futures.ThreadPoolExecutor(2) as pool:
+        curves = fragility(main_scene, scale=SCALE, workers=pool, **options)
     assert np.array_equal(curves.probability, curve.probability)
 
 

@@ -10,7 +10,8 @@ import threading
 
 import pytest
 import study_tasks
-from test_sweeping import GRID, rows_without_seconds
+from study_tasks import GRID
+from test_sweeping import rows_without_seconds
 
 from fpk_rocking.studies import sweep
 
@@ -47,7 +48,7 @@ def test_a_worker_killed_in_the_middle(client, tmp_path):
 
     scenes = GRID.scenes * 3
     sweep_result = sweep(
-        scenes, study_tasks.slow, workers=client.get_executor(), seed=7, store=store, progress=kill, seconds=0.2
+        scenes, study_tasks.slow, workers=client.get_executor(), seed=7, store=store, progress=kill, seconds=0.1
     )
     assert killed.is_set()
     assert rows_without_seconds(sweep_result.rows) == rows_without_seconds(
@@ -87,7 +88,7 @@ def scheduler_and_worker(folder):
 def test_a_scheduler_killed_in_the_middle(distributed, tmp_path):
     """A plain error; the rows that came are kept, and the sweep goes on from them without the cluster."""
     store, scenes = tmp_path / "rows.jsonl", GRID.scenes * 3
-    asked = {"scenes": scenes, "task": study_tasks.slow, "seed": 7, "store": store, "seconds": 0.2}
+    asked = {"scenes": scenes, "task": study_tasks.slow, "seed": 7, "store": store, "seconds": 0.1}
     with scheduler_and_worker(tmp_path) as (scheduler, file):
         client = distributed.Client(scheduler_file=str(file), timeout=30, set_as_default=False)
 

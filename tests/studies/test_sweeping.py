@@ -10,19 +10,16 @@ import time
 import numpy as np
 import pytest
 import study_tasks
+from study_tasks import AMPLITUDES, GRID, SCENE
 
 from fpk_rocking.base import precompilation
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import tables as progress_lines
-from fpk_rocking.scene import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scene, WhiteNoise
+from fpk_rocking.scene import BandNoise, FilteredNoise, WhiteNoise
 from fpk_rocking.studies import execution, grid, sweep
 from fpk_rocking.studies.execution import run_job, seed_of
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulate
-
-SCENE = Scene(block=Block(0.5), forcing=Harmonic(4.6, 2.7, 0.0), noise=NoNoise())
-AMPLITUDES = 1.0, 2.0, 3.0, 4.0, 5.0
-GRID = grid(SCENE, {"forcing.amplitude": AMPLITUDES})
 
 
 def rows_without_seconds(rows):
@@ -308,10 +305,9 @@ def test_bad_input_is_refused_before_any_work(tmp_path, monkeypatch, options, er
 
 SCRIPT = """
 import study_tasks, sys
-from test_sweeping import GRID
 from fpk_rocking.studies import sweep
 if __name__ == "__main__":
-    sweep(GRID, study_tasks.slow, workers=2, store=sys.argv[1], seconds=float(sys.argv[2]))
+    sweep(study_tasks.GRID, study_tasks.slow, workers=2, store=sys.argv[1], seconds=float(sys.argv[2]))
 """
 
 
