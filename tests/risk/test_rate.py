@@ -87,6 +87,13 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     assert wide.rate == pytest.approx(risk.rate, rel=1e-10)
 
 
+@pytest.mark.parametrize(("median", "spread"), [(1e-3, 0.5), (0.3, 0.05), (0.4, 1.0), (40.0, 0.2)])
+def test_limits_of_a_bent_hazard_are_the_integrals_of_the_replicates(median, spread):
+    hazard = Hazard([0.1, 0.5, 2.0], [5e-2, 3e-3, 2.5e-5])
+    risk = annual_frequency(curve_of(median, spread, replicates=[(median, spread)] * 2), hazard)
+    assert risk.interval == pytest.approx([risk.rate] * 2, rel=1e-9)
+
+
 @pytest.mark.parametrize(
     ("measure", "factor", "unit", "own"),
     [("PGV", 100.0, "cm/s", "m/s"), ("PGA", 9.80665, "m/s²", "g"), ("PGA", 980.665, "cm/s²", "g")],

@@ -135,7 +135,7 @@ def test_the_page_quotes_the_figures():
     result = script.run(suites=4, sizes=(5, 8), samples=49, tests=4, kinds={"noise": script.KINDS["noise"]})
     page = script.page(result)
     row = next(text for text in page["text"] if text.startswith("| noise | 8 |"))
-    assert [float(cell) for cell in row.split("|")[3:-1]] == [
+    assert [float(cell) for cell in row.split("|")[4:-1]] == [
         result["coverage"]["noise"]["8"][name] for name in script.NAMES
     ]
     assert any(text.startswith("| lognormal, noise | ") for text in page["text"])
