@@ -146,17 +146,30 @@ class Risk(Result):
         wide = "" if self.curve.fitted else at_once
         limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
         text = (
-            f"{self.title}: return period {self.return_period:.4g} years, probability in 50 years "
-            f"{self.probability():.3g}. By {through}{limits}. The hazard and the model of the block count as known. "
+            f"{self.title}{self._periods}. By {through}{limits}. The hazard and the model of the block count as known. "
             f"Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         )
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]
+
+    @property
+    def _periods(self):
+        """Return period and probability in 50 years as a text, or their limits where the rate is 0."""
+        if self.rate > 0.0:
+            years, probability = f"{self.return_period:.4g} years", f"{self.probability():.3g}"
+        elif self.interval[1] > 0.0:
+            years = f"above {1.0 / self.interval[1]:.4g} years"
+            probability = f"below {-math.expm1(-50.0 * self.interval[1]):.3g}"
+        else:
+            return ""
+        return f": return period {years}, probability in 50 years {probability}"
 
     @property
     def title(self) -> str:
         """The rate with its limits, as a line of text."""
         name = "overturning" if self.curve.name == "overturned" else self.curve.name
         low, high = map(rate_text, self.interval)
+        if not (self.rate > 0.0 or self.interval[1] > 0.0):
+            return f"no annual rate of {name}: no motion overturned the block up to the highest intensity"
         if not self.rate > 0.0:
             return f"annual rate of {name} below {high} (95 %: none of {self.curve.units} overturned)"
         limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""

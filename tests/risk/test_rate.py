@@ -142,3 +142,8 @@ def test_where_nothing_overturns_the_upper_limits_are_above_zero():
     assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
         "e-0", "e-"
     )
+    assert f": return period above {1.0 / wanted:.4g} years, probability in 50 years below " in risk.sentences[0]
+    alone = annual_frequency(IntensityCurve.of(suite(np.zeros((1, 12)), scenes[:1], 1), "PGV"), risk.hazard)
+    assert alone.sentences[0].startswith(
+        "no annual rate of overturning: no motion overturned the block up to the highest intensity. By the points"
+    )
