@@ -179,8 +179,8 @@ def page(values):
     )
     if anew:
         method += (
-            f" Rows of which a share was below {LEAST} ({min(anew):.3f} to {max(anew):.3f} at first) are those of "
-            "further suites, of which there are more."
+            f" {len(anew)} of {len(rows)} rows had a share below {LEAST} ({min(anew):.3f} to {max(anew):.3f}); theirs "
+            f"are those of {AGAIN} further suites."
         )
     text = [
         result,

@@ -45,7 +45,7 @@ from fpk_rocking.studies.posterior import Calibration, drawn_names
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"
 SPECIMENS = "specimen 1", "specimen 2"
-DRAWS, REFINED, FEW, FILTERED, IN_THREE, STIFF = 64, 64, 8, 32, 256, 0.94
+DRAWS, REFINED, FEW, FILTERED, IN_THREE, STIFF = 64, 64, 8, 32, 128, 0.94
 HOUSNER = {name: law for name, law in PRIOR.items() if name != "restitution"}
 UNEQUAL = PRIOR | {"offset": "normal:0:0.1"}
 NO_SCATTER = {"spread": 0.0, "scatter": None, "stray": "uniform:0.01:0.6"}
