@@ -3,7 +3,7 @@
 FILE is an .npz with `ids` (n,), `dt`, seconds, and for each id `a<id>`, the acceleration of the table in 1e-4 g. With
 `overturned` (n, 2), whether specimen 1 and 2 did, and `record` (n,), the ground motion that was scaled, blocks are
 fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Five processor
-minutes, and ten more with --more; tables of outcomes are kept in FOLDER:
+minutes, and twenty more with --more; tables of outcomes are kept in FOLDER:
 
     python benchmarks/shake_table.py --motions FILE.npz --tables FOLDER [--draws 64] [--more]
 
@@ -45,7 +45,7 @@ from fpk_rocking.studies.posterior import Calibration, drawn_names
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"
 SPECIMENS = "specimen 1", "specimen 2"
-DRAWS, REFINED, FEW, STIFF = 64, 64, 8, 0.94
+DRAWS, REFINED, FEW, FILTERED, IN_THREE, STIFF = 64, 64, 8, 32, 128, 0.94
 HOUSNER = {name: law for name, law in PRIOR.items() if name != "restitution"}
 UNEQUAL = PRIOR | {"offset": "normal:0:0.1"}
 NO_SCATTER = {"spread": 0.0, "scatter": None, "stray": "uniform:0.01:0.6"}
@@ -192,16 +192,24 @@ def pictures(predictions, observed, measures, record):
         ):
             axes.plot(measures["PGA"][kind], measures["PGV/PGA"][kind], style, mfc="none", mec="black", label=text)
         axes.set(xscale="log", yscale="log", xlabel="PGA, g", ylabel="PGV/PGA, m/s/g")
+        axes.set_yticks([0.2, 0.3, 0.4, 0.6, 1.0], minor=False)
+        axes.set_yticks([], minor=True)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_formatter("{x:g}")
         axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False)
 
     def fragility(axes, name):
         """Draw shares that overturned over PGV, the curve fitted to them, and one fitted to the predictions."""
         logs, y = np.log(measures["PGV"]), observed[name]
         order, grid = np.argsort(logs), np.linspace(logs.min(), logs.max(), 80)
-        for part in np.array_split(order, 8):
-            low, high = scipy.stats.beta.ppf([0.025, 0.975], y[part].sum() + 0.5, (~y[part]).sum() + 0.5)
-            axes.plot(np.exp([logs[part].mean()] * 2), [low, high], "k", linewidth=1.0)
-            axes.plot(np.exp(logs[part].mean()), y[part].mean(), "ko", markersize=4)
+        parts = np.array_split(order, 8)
+        middles, shares = np.exp([logs[part].mean() for part in parts]), np.array([y[part].mean() for part in parts])
+        counts = np.array([(y[part].sum() + 0.5, (~y[part]).sum() + 0.5) for part in parts]).T
+        low, high = scipy.stats.beta.ppf([[0.025], [0.975]], *counts)
+        # Jeffreys' limits do not contain a share of 0 or 1.
+        away = np.maximum([shares - low, high - shares], 0.0)
+        label = "share that overturned (95 %)"
+        axes.errorbar(middles, shares, away, fmt="ko", markersize=4, elinewidth=1.0, label=label)
         for colour, values, text in (
             (COLOURS[0], y, "fitted to outcomes"),
             (COLOURS[1], predictions[name][MAIN], MAIN),
@@ -209,6 +217,7 @@ def pictures(predictions, observed, measures, record):
             b = logistic(logs[:, None], values)
             axes.plot(np.exp(grid), scipy.special.expit(b[0] + b[1] * grid), color=colour, label=text)
         axes.set(xscale="log", xlabel="PGV, m/s", ylabel="P(overturned)")
+        axes.xaxis.set_major_formatter("{x:g}")
         axes.legend(fontsize=8)
 
     wrong = {name: int(((predictions[name][MAIN] > 0.5) != observed[name]).sum()) for name in SPECIMENS}
@@ -237,20 +246,21 @@ def compare(file, folder, draws, more):
     began = time.process_time()
     planar = kept_table(folder, "planar", file, draws, compute=True)
     blocks = {name: refined_table(folder, name, file, planar, k, more) for k, name in enumerate(SPECIMENS)}
-    unequal = kept_table(folder, "unequal", file, draws // 2, more, prior=UNEQUAL)
     others = {"Housner's restitution": kept_table(folder, "housner", file, FEW, more, prior=HOUSNER)}
     record, splits, measures = file["record"], splits_of(file["record"]), measures_of(*samples_of(file))
     observed = {name: file["overturned"][:, k].astype(bool) for k, name in enumerate(SPECIMENS)}
-    tables = {text: kept_table(folder, text, file, FEW, more, **options) for text, options in VARIANTS.items()}
+    counts = {text: FILTERED if "hertz" in options else FEW for text, options in VARIANTS.items()}
+    tables = {text: kept_table(folder, text, file, counts[text], more, **VARIANTS[text]) for text in VARIANTS}
+    unequal = kept_table(folder, "unequal", file, IN_THREE, more, prior=UNEQUAL)
     results, predictions = {}, {}
     for name in SPECIMENS:
         models = models_of(blocks[name], others, measures)
         variants = {"as above": models[MAIN], f"{FEW} draws": by_block(with_draws(planar, slice(FEW)))}
         variants |= {f"{count} draws": by_block(with_draws(planar, slice(count))) for count in (draws // 2, draws)}
         if unequal:
-            variants[f"{draws // 2} draws, unequal sides"] = by_block(unequal)
+            variants[f"{IN_THREE} draws, unequal sides"] = by_block(unequal)
         variants |= {text: by_block(blocks[name], **laws) for text, laws in PRIORS.items()}
-        variants |= {f"{FEW} draws, {text}": by_block(some) for text, some in tables.items() if some}
+        variants |= {f"{counts[text]} draws, {text}": by_block(some) for text, some in tables.items() if some}
         rows, predictions[name] = scores(models, observed[name], record, splits, MAIN)
         sensitivity, _ = scores(variants, observed[name], record, splits, "as above")
         order = {key: round(area_under(values, observed[name]), 3) for key, values in measures.items()}

@@ -146,17 +146,30 @@ class Risk(Result):
         wide = "" if self.curve.fitted else at_once
         limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
         text = (
-            f"{self.title}: return period {self.return_period:.4g} years, probability in 50 years "
-            f"{self.probability():.3g}. By {through}{limits}. The hazard and the model of the block count as known. "
+            f"{self.title}{self._periods}. By {through}{limits}. The hazard and the model of the block count as known. "
             f"Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         )
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]
+
+    @property
+    def _periods(self):
+        """Return period and probability in 50 years as a text, or their limits where the rate is 0."""
+        if self.rate > 0.0:
+            years, probability = f"{self.return_period:.4g} years", f"{self.probability():.3g}"
+        elif self.interval[1] > 0.0:
+            years = f"above {1.0 / self.interval[1]:.4g} years"
+            probability = f"below {-math.expm1(-50.0 * self.interval[1]):.3g}"
+        else:
+            return ""
+        return f": return period {years}, probability in 50 years {probability}"
 
     @property
     def title(self) -> str:
         """The rate with its limits, as a line of text."""
         name = "overturning" if self.curve.name == "overturned" else self.curve.name
         low, high = map(rate_text, self.interval)
+        if not (self.rate > 0.0 or self.interval[1] > 0.0):
+            return f"no annual rate of {name}: no motion overturned the block up to the highest intensity"
         if not self.rate > 0.0:
             return f"annual rate of {name} below {high} (95 %: none of {self.curve.units} overturned)"
         limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
@@ -225,13 +238,13 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """
     checks.instance("curve", curve, IntensityCurve)
     checks.instance("hazard", hazard, Hazard)
-    y, weights = _rule(curve, hazard)
+    edges_of_rule = _edges(curve, hazard)
+    low, high = _limits(curve, hazard, edges_of_rule)
     if np.isfinite(curve.jumps).any():
-        return _by_jumps(curve, hazard, _limits(curve, y, weights * _density(np.ones_like, hazard, y)))
-    by = _probability(curve)
+        return _by_jumps(curve, hazard, (low, high))
+    by, (y, weights) = _probability(curve), _gauss(edges_of_rule)
     share = weights * _density(by, hazard, y)
     rate, (edges, contribution) = float(share.sum()), _contributions(by, hazard, y, share)
-    low, high = _limits(curve, y, weights * _density(np.ones_like, hazard, y))
     return Risk(
         rate,
         # The limits of a fit are those of the population's curve; the mean over these motions is a point of them.
@@ -283,8 +296,8 @@ def rate_text(rate: float) -> str:
     return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
 
 
-def _rule(curve, hazard):
-    """Nodes in ln(im) and weights, which part at the points of the hazard, and at those of a curve without a fit."""
+def _edges(curve, hazard):
+    """Edges in ln(im) of Gauss-Legendre rules, with the points of the hazard, and those of a curve without a fit."""
     steep, gentle = hazard.exponents.max(), hazard.exponents.min()
     points = np.log(hazard.intensity)
     spread = curve.tail
@@ -302,8 +315,7 @@ def _rule(curve, hazard):
     parts = [
         np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
     ]
-    edges = np.append(np.concatenate(parts), high)
-    return _gauss(edges)
+    return np.append(np.concatenate(parts), high)
 
 
 def _gauss(edges):
@@ -319,22 +331,41 @@ def _density(probability, hazard, y):
     return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
 
 
-def _limits(curve, y, density):
-    """95 % limits of the frequency from those of the fragility."""
+def _limits(curve, hazard, edges):
+    """95 % limits of the frequency from those of the fragility, between the ends of `edges`."""
     if curve.fitted and len(curve.replicates):
-        from scipy import special
-
-        # Few motions agree with medians of 0 and inf.
-        with np.errstate(divide="ignore"):
-            middles = np.log(curve.replicates[:, 0])
-        pairs = zip(middles, curve.replicates[:, 1], strict=True)
-        rates = [density @ special.ndtr((y - middle) / spread) for middle, spread in pairs]
-        low, high = np.quantile(rates, [0.025, 0.975]).tolist()
+        low, high = np.quantile(_by_replicates(curve, hazard, edges[0], edges[-1]), [0.025, 0.975]).tolist()
         return low, high
     if curve.fitted:
         return math.nan, math.nan
+    y, weights = _gauss(edges)
+    density = weights * _density(np.ones_like, hazard, y)
     low, high = (float(density @ curve.along(side, np.exp(y))) for side in curve.interval.T)
     return low, high
+
+
+def _by_replicates(curve, hazard, first, last):
+    """Frequencies (b,) by the lognormal curves of the replicates, over ln(im) from `first` to `last`.
+
+    By parts ∫ N |dH| = -[H N] + ∫ H dN, and the power law H of exponent k moves the normal density by -k β².
+    """
+    from scipy import special
+
+    # Few motions agree with medians of 0 and inf.
+    with np.errstate(divide="ignore"):
+        middle = np.clip(np.log(curve.replicates[:, :1]), -1e4, 1e4)
+    spread, logs = curve.replicates[:, 1:], np.log(hazard.intensity)
+    ends = np.concatenate([[first], logs[(logs > first) & (logs < last)], [last]])
+    place = np.clip(np.searchsorted(logs, 0.5 * (ends[1:] + ends[:-1])) - 1, 0, logs.size - 2)
+    k, away = hazard.exponents[place], (ends - middle) / spread
+    low, high = away[:, :-1] + k * spread, away[:, 1:] + k * spread
+    # Tails are subtracted on the side where the normal distribution has its digits.
+    turned = low > 0.0
+    low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+    factor = np.log(hazard.rate)[place] + k * (logs[place] - middle) + 0.5 * (k * spread) ** 2
+    parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
+    left, right = (hazard(np.exp(ends[[0, -1]])) * special.ndtr(away[:, [0, -1]])).T
+    return parts.sum(axis=1) + left - right
 
 
 def _contributions(probability, hazard, y, share):

@@ -21,7 +21,7 @@ from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, factor_diagnostics, motion_table
 from fpk_rocking.studies.drawing import Draws
 from fpk_rocking.studies.lognormal import ranked
-from fpk_rocking.studies.motions import motion_lines
+from fpk_rocking.studies.motions import intensity_of, motion_lines
 from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
 
@@ -108,6 +108,16 @@ class Study(Result):
         return np.array([shares[origin == record].mean(axis=0) for record in np.unique(origin)])
 
     @property
+    def factors(self) -> Array:
+        """Factor (r,) at which each motion overturns the block, with noise in half of the paths; inf where none does."""
+        if self.critical is not None:
+            return self.critical.factor
+        own = np.array([intensity_of(scene, self.curve.measure) for scene in self.recorded])
+        overturns = self.records >= 0.5
+        first = np.where(overturns.any(axis=1), self.curve.intensity[overturns.argmax(axis=1)], math.inf)
+        return first / own
+
+    @property
     def diagnostics(self) -> list[Diagnostic]:
         """What speaks against scenes, engine and records, and the error of the rate, or without a hazard of the curve.
 
@@ -130,7 +140,7 @@ class Study(Result):
         if same:
             sentence = f"{same} of {len(motions)} motions are the same as another one."
             against.append(Diagnostic(CAUTION, sentence, "equal records"))
-        against += [] if self.critical is None else factor_diagnostics(self.critical.factor)
+        against += factor_diagnostics(self.factors)
         if MOVED < self.moved < math.inf:
             sentence = (
                 f"The rate still moved by {100.0 * self.moved:.2g} % with the last of {self.added} intensities that "

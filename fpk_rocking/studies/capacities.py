@@ -319,11 +319,18 @@ class Capacities(NamedTuple):
         estimated = np.isfinite(self.error)
         gain = np.where(estimated, precision * variance / (1.0 + precision * variance), 0.0)
         middle, width = at + gain * (self.middle - at), np.sqrt(variance * (1.0 - gain))
-        low, high = (self.low - middle) / width, (self.high - middle) / width
+        # Where nothing is bounded, the distribution function at the bounds is 0 and 1.
+        free = ~exact & np.isinf(self.low) & np.isinf(self.high)
+        bounded = ~exact & ~free
+        values, share = np.where(exact, self.middle, middle), rng.random(middle.shape)
+        values[:, free] += width[:, free] * np.maximum(scipy.special.ndtri(share[:, free]), -37.0)
+        middle, width, share = middle[:, bounded], width[:, bounded], share[:, bounded]
+        low, high = (self.low[bounded] - middle) / width, (self.high[bounded] - middle) / width
         # Tails are drawn on the side where the normal distribution has its digits.
         turned = low > 0.0
         low, high = np.where(turned, -high, low), np.where(turned, -low, high)
         lowest, highest = scipy.special.ndtr(low), scipy.special.ndtr(high)
-        drawn = scipy.special.ndtri(lowest + rng.random(lowest.shape) * (highest - lowest))
+        drawn = scipy.special.ndtri(lowest + share * (highest - lowest))
         drawn = np.clip(drawn, np.maximum(low, -37.0), np.maximum(high, -37.0))
-        return np.where(exact, self.middle, middle + width * np.where(turned, -drawn, drawn))
+        values[:, bounded] += width * np.where(turned, -drawn, drawn)
+        return values

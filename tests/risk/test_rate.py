@@ -87,6 +87,15 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     assert wide.rate == pytest.approx(risk.rate, rel=1e-10)
 
 
+@pytest.mark.parametrize(("median", "spread"), [(0.3, 0.05), (0.7, 1.2), (40.0, 0.2)])
+def test_limits_of_a_bent_hazard_are_the_integrals_of_the_replicates(median, spread):
+    hazard = Hazard([0.1, 1.0, 3.0], [3e-3, 1e-3, 1e-3 * 3.0**-6.0])
+    risk = annual_frequency(curve_of(median, spread, replicates=[(median, spread)] * 2), hazard)
+    assert risk.interval == pytest.approx([risk.rate] * 2, rel=1e-9)
+    # Few motions also agree with a median of 0: all intensities of the integral then overturn the block.
+    assert annual_frequency(curve_of(replicates=[(0.0, 1.0)] * 2), hazard).interval[0] > hazard(0.1)
+
+
 @pytest.mark.parametrize(
     ("measure", "factor", "unit", "own"),
     [("PGV", 100.0, "cm/s", "m/s"), ("PGA", 9.80665, "m/s²", "g"), ("PGA", 980.665, "cm/s²", "g")],
@@ -132,4 +141,9 @@ def test_where_nothing_overturns_the_upper_limits_are_above_zero():
     assert (risk.rate, *risk.interval) == pytest.approx((0.0, 0.0, wanted), rel=1e-4)
     assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
         "e-0", "e-"
+    )
+    assert f": return period above {1.0 / wanted:.4g} years, probability in 50 years below " in risk.sentences[0]
+    alone = annual_frequency(IntensityCurve.of(suite(np.zeros((1, 12)), scenes[:1], 1), "PGV"), risk.hazard)
+    assert alone.sentences[0].startswith(
+        "no annual rate of overturning: no motion overturned the block up to the highest intensity. By the points"
     )

@@ -12,7 +12,7 @@ from fpk_rocking import BandNoise, Block, Scene
 from fpk_rocking.results.trust import CAUTION
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.study import refined
-from fpk_rocking.studies import fragility, synthetic_records
+from fpk_rocking.studies import fragility, intensities, synthetic_records
 from fpk_rocking.studies.lognormal import LognormalFit
 from fpk_rocking.studies.result import Fragility
 
@@ -114,6 +114,18 @@ def test_intensities_asked_for_keep_their_samples():
     alone = fragility(list(result.fragility.scenes), scale=asked, realizations=60, seed=1)
     places = np.searchsorted(result.fragility.scale, asked * (1.0 - 1e-9))
     assert np.array_equal(result.fragility.overturned[:, places], alone.overturned)
+
+
+def test_motions_that_overturn_only_scaled_far_are_a_caution():
+    result = shaken(4)
+    passed = [np.extract(shares >= 0.5, result.curve.intensity) for shares in result.records]
+    own = np.array([intensities(scene).pgv for scene in result.recorded])
+    assert result.factors == pytest.approx([some[0] if some.size else np.inf for some in passed] / own)
+    weak = dataclasses.replace(result, recorded=[scene.varied(forcing={"scale": 0.01}) for scene in result.recorded])
+    assert np.isfinite(result.factors).any()
+    assert any("times their own strength" in reason for reason in weak.trust.reasons)
+    assert result.factors[np.isfinite(result.factors)].max() < 5.0
+    assert not any("times their own strength" in reason for reason in result.trust.reasons)
 
 
 def test_a_rate_that_still_moves_is_a_caution():

@@ -138,7 +138,8 @@ class Record(TransientForcing):
             raise ValueError(checks.refusal("forcing.units", units, accepted))
         if not wanted and not motion.units:
             raise ValueError(
-                f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
+                f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)} (in a "
+                "shell --units)"
             )
         samples, unit = tuple(motion.samples.tolist()), wanted or motion.units
         return cls(motion.interval, samples, unit, scale, file.name, baseline, corner_hz, motion.event)
