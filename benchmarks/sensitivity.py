@@ -486,7 +486,9 @@ exponentially)"""
     of_errors = f"""the error of survival before and after, against a solution to {PART:g} of the tolerance
 (in that of the scenes {", ".join(REFERENCES.get(name, ()))} whose survival moves most)"""
     body = f"""**Result.** {len(idle)} of {count} numbers move neither a result beyond rounding nor
-the seconds, halved or doubled{": " if idle else ""}{", ".join(idle)}.
+the seconds, halved or doubled.
+
+{", ".join(idle)}{"." if idle else ""}
 {of_these}
 
 Each number of `{module}` is halved and doubled in turn, integers rounded, tuples in all their parts, and the
