@@ -1,4 +1,4 @@
-"""What the tuned numbers do: each one halved and doubled, against the code as it is; writes docs/benchmarks.md.
+"""What the tuned numbers do: each one halved and doubled, against the code as it is; writes files in docs/benchmarks.
 
 A number is changed in its table in a process beside that of the code as it is. Where a kernel reads it, that is a new
 process, and kernels are compiled anew, into a folder that is removed; elsewhere machine code is the same.
@@ -508,7 +508,7 @@ warned of or parted, or since only calls of minutes feel them: {", ".join(f"`{fi
 
 {NEWLINE.join(["Refused:", "", *refused]) if refused else ""}
 """
-    write_section(f"Sensitivity: {name}", body, values={"measured": measured})
+    write_section(f"Sensitivity: {name}", body, page=None, values={"measured": measured})
 
 
 def main():

@@ -21,16 +21,21 @@ SPEC.loader.exec_module(GALLERY)
 # looked at: docs/gallery.md has the titles of pictures, docs/project/design.md what code that is gone once did.
 EQUAL = "docs/benchmarks/time_at_equal_error.json"
 SOURCES = {
+    "CONTRIBUTING.md": [],
     "README.md": ["docs/tutorials/first_block.md", EQUAL, "docs/gallery.md"],
     "docs/benchmarks.md": [],
     "docs/extending.md": [],
     "docs/faq.md": [],
     "docs/howto/install.md": [],
     "docs/howto/large_and_rare.md": ["docs/benchmarks/monte_carlo_accuracy_of_the_engines.json"],
+    "docs/howto/noise.md": [],
     "docs/howto/pictures.md": [],
+    "docs/howto/scene.md": [],
     "docs/howto/sweeps.md": [],
     "docs/index.md": ["docs/tutorials/first_block.md"],
+    "docs/limits.md": [],
     "docs/long_horizon.md": ["docs/benchmarks/one_cycle_operator.json"],
+    "docs/numerics.md": ["docs/gallery/rest.json", "docs/benchmarks/density_solver_filtered_noise.json"],
     "docs/monte_carlo.md": ["docs/benchmarks/monte_carlo_accuracy_of_the_engines.json", "docs/gallery/fig07.json"],
     "docs/paper.md": [path.relative_to(ROOT).as_posix() for path in sorted(DOCS.glob("gallery/*.json"))],
     "docs/reference_values.md": [path.relative_to(ROOT).as_posix() for path in DOCS.glob("reference_values/*.toml")],
@@ -39,6 +44,8 @@ SOURCES = {
     "docs/symbols.md": [],
     "docs/tutorials/first_block.md": [],
     "docs/tutorials/long_run.md": ["docs/benchmarks/one_cycle_operator.json"],
+    "docs/theory.md": [],
+    "docs/tutorials/statue.md": [],
     "docs/tutorials/paper_fig06.md": ["docs/gallery/fig06.json"],
     "docs/validation.md": [EQUAL],
 }
@@ -55,6 +62,15 @@ ALLOWED = {
         ".01": "limit of a verdict, docs/results.md",
     },
     "docs/howto/install.md": {"3.11": "version of Python"},
+    "docs/howto/noise.md": {
+        "100": "least number of harmonics, in the code",
+        **dict.fromkeys(("40,000", "10,000"), "paths of a check, in the code"),
+    },
+    "docs/limits.md": {
+        ".7": "usual friction",
+        **dict.fromkeys((".95", ".97", ".67"), "ElGawady et al. 2011"),
+    },
+    "docs/numerics.md": dict.fromkeys(("108", "256"), "cells of the finest mesh, exploratory paths; in the code"),
     "docs/howto/large_and_rare.md": {"1e-8": "reach of splitting, as docs/gallery/low_noise.json"},
     "docs/monte_carlo.md": {
         "1e-12": "bound in tests/montecarlo",
@@ -128,10 +144,12 @@ def passages(page):
     """Passages of a page, each with the files that its numbers come from: a row of a table, or the rest of a section.
 
     These are the files that the passage links, a case by the numbers of its picture, the blocks of the page and what
-    `SOURCES` has; the last not for a row that links files of its own.
+    `SOURCES` has; the last not for a row that links files of its own. References are left out.
     """
     name = page.relative_to(ROOT).as_posix()
     for section in FENCE.sub("", page.read_text(encoding="utf-8")).split("\n## "):
+        if section.startswith("References"):
+            continue
         rows = re.findall(r"^\|.*$", section, re.MULTILINE)
         rest = re.sub(r"^\|.*$", "", section, flags=re.MULTILINE)
         for text in (*rows, rest):
