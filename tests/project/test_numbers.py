@@ -59,7 +59,6 @@ ALLOWED = {
     },
     "docs/faq.md": {
         ".163": "the smallest restitution under white noise, docs/theory.md",
-        ".01": "limit of a verdict, docs/results.md",
     },
     "docs/howto/install.md": {"3.11": "version of Python"},
     "docs/howto/noise.md": {
