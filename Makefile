@@ -61,7 +61,7 @@ bench-full: bench  ## the slow tests, and the benchmarks that take longer
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/validation.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
 
-interop: $(INTEROP)/.installed  ## fragility curves as OpenQuake and pelicun read them
+interop: $(INTEROP)/.installed  ## fragility curves as OpenQuake and pelicun read them, and a calculation of OpenQuake
 	$(INTEROP)/bin/python benchmarks/interop.py
 
 lint: $(STAMP)  ## ruff: rules and format; mypy: types
@@ -97,7 +97,7 @@ $(PEERS)/.installed: $(STAMP) constraints-peers.txt
 	$(subst $(VENV),$(PEERS),$(INSTALL)) -c constraints-peers.txt --no-build-isolation -e '.[peers]'
 	@touch $@
 
-# OpenQuake's own dependencies contain GDAL, which its reader of curves does not need.
+# OpenQuake's own dependencies contain GDAL, which neither its readers nor a calculation from a hazard curve need.
 $(INTEROP)/.installed: $(STAMP) constraints-interop.txt
 	$(BIN)/python -m venv --clear $(INTEROP)
 	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt hatchling

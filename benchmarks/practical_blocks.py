@@ -243,13 +243,13 @@ def summary(rows, tol):
         count = sum(row.estimate <= error for row in cheap)
         lines.append(
             f"* faster than the best Monte Carlo at a standard error of {error:g} in survival: {len(cheap)} of "
-            f"{len(rows)}; the solver's own estimate is that small for {count} of them"
+            f"{len(rows)}, {count} of which its own estimate certifies"
         )
     cheap = [row for row in rows if row.is_cheapest(row.binning_seconds, BINNED_TARGET)]
     count = sum(row.bins_estimate <= BINNED_TARGET for row in cheap)
     lines.append(
         f"* faster than the best Monte Carlo at an expected L1 of {BINNED_TARGET:g} in the bins: {len(cheap)} of "
-        f"{len(rows)}; the solver's own estimate is that small for {count} of them"
+        f"{len(rows)}, {count} of which its own estimate certifies"
     )
     return "\n".join(lines)
 

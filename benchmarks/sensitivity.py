@@ -1,4 +1,4 @@
-"""What the tuned numbers do: each one halved and doubled, against the code as it is; writes docs/benchmarks.md.
+"""What the tuned numbers do: each one halved and doubled, against the code as it is; writes files in docs/benchmarks.
 
 A number is changed in its table in a process beside that of the code as it is. Where a kernel reads it, that is a new
 process, and kernels are compiled anew, into a folder that is removed; elsewhere machine code is the same.
@@ -486,7 +486,9 @@ exponentially)"""
     of_errors = f"""the error of survival before and after, against a solution to {PART:g} of the tolerance
 (in that of the scenes {", ".join(REFERENCES.get(name, ()))} whose survival moves most)"""
     body = f"""**Result.** {len(idle)} of {count} numbers move neither a result beyond rounding nor
-the seconds, halved or doubled{": " if idle else ""}{", ".join(idle)}.
+the seconds, halved or doubled.
+
+{", ".join(idle)}{"." if idle else ""}
 {of_these}
 
 Each number of `{module}` is halved and doubled in turn, integers rounded, tuples in all their parts, and the
@@ -506,7 +508,7 @@ warned of or parted, or since only calls of minutes feel them: {", ".join(f"`{fi
 
 {NEWLINE.join(["Refused:", "", *refused]) if refused else ""}
 """
-    write_section(f"Sensitivity: {name}", body, values={"measured": measured})
+    write_section(f"Sensitivity: {name}", body, page=None, values={"measured": measured})
 
 
 def main():

@@ -82,7 +82,7 @@ def test_fig08_restarted_means_stay_on_the_attractor_without_noise(case, tmp_pat
 
 def test_fig09_mean_maps_shrink_and_overturn_as_noise_grows(case, tmp_path):
     module = case("fig09_mean_map_and_noise")
-    paper = (0.0, 0.05, 0.06, 0.09, 0.16, 0.2)
+    paper = (0.05, 0.06, 0.09, 0.16, 0.2)
     values = module.run(tmp_path, paper=paper, between=(), seeds=2, realizations=200, cycles=120)
     maps = {mapped["deviation"]: mapped for mapped in values["maps"]}
     assert maps[0.05]["overturned_after"] == maps[0.09]["overturned_after"] == [None, None]
@@ -93,6 +93,10 @@ def test_fig09_mean_maps_shrink_and_overturn_as_noise_grows(case, tmp_path):
     assert min(maps[0.05]["largest_angle"]) > 1.2
     assert max(maps[0.09]["largest_angle"]) < 0.9
     assert maps[0.05]["dimension"] > maps[0.09]["dimension"]
+    assert values["without_noise"]["covered"] > 0.95
+    assert maps[0.05]["covered"] > 0.8
+    assert maps[0.09]["covered"] < 0.5
+    assert maps[0.2]["covered"] is None
     assert written(tmp_path, "fig09", values)
 
 
