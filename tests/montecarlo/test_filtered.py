@@ -20,7 +20,6 @@ from fpk_rocking.scene import BandNoise, Block, Harmonic, Overturning, Scene
 from montecarlo import histories, simulate, split, tally
 from montecarlo.engines import batches, filtered, filtered_noise
 from montecarlo.engines.engine import TimeGrid
-from montecarlo.engines.filtered import ENGINE
 from montecarlo.engines.random import open_stream, stream_keys
 
 LOW_PASS = FilteredNoise("low-pass", 0.04, 9.0, math.sqrt(0.5))
@@ -102,10 +101,9 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     n, sigma = output.size, math.sqrt(noise.variance)
     for j in range(intervals):
         filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
-        drawn = interval(0.8, 0.1, 1, 0, j, parameters, workspace)[:2]
+        drawn = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)[:2]
         bernstein = workspace.noise.bernstein.copy()
-        ENGINE.build_force(j, j, parameters, workspace)
-        end, _, _ = ENGINE.step_with_events((0.8, 0.1), (0.0, 0.0), 1, j, j, 1.0, 0, parameters, workspace, None)
+        end = interval(0.8, 0.1, 1, j, j, parameters, workspace, True)[:2]
         assert end == pytest.approx(drawn, abs=1e-13)
         ends = [sigma * (output @ workspace.noise.drawn[:n]), sigma * (output @ workspace.noise.drawn[n : 2 * n])]
         assert bernstein[[0, -1]] == pytest.approx(ends, abs=1e-14)
@@ -216,11 +214,8 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
     filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
     for j in range(len(parameters.envelope.response)):
         filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
-        x, v, side, _ = interval(0.8, 0.1, 1, 0, j, parameters, workspace)
-        ENGINE.build_force(j, j, parameters, workspace)
-        parts = ENGINE.step_with_events((0.8, 0.1), (0.0, 0.0), 1, 0, j, 1.0, 0, parameters, workspace, None)
-        assert parts[0] == pytest.approx((x, v), abs=1e-13)
-        assert parts[1:] == (side, math.inf)
+        whole = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)
+        assert interval(0.8, 0.1, 1, 0, j, parameters, workspace, True) == pytest.approx(whole, abs=1e-13)
         pieces = range(parameters.envelope.first[j], parameters.envelope.first[j + 1])
         cut += len(pieces) > 1
         begins, values = parameters.envelope.begins[pieces], parameters.envelope.strength[pieces, 0]

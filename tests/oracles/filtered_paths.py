@@ -37,10 +37,13 @@ def _gather(fine, part, parameters, coarse):
 
 
 @kernel
-def interval(x, v, side, number, j, parameters, workspace):
-    """Carry a block through an interval whose noise is drawn; return x, v, side and the time reached."""
+def interval(x, v, side, number, j, parameters, workspace, by_force):
+    """Carry a block through an interval whose noise is drawn; return x, v, side and the time reached.
+
+    With `by_force` that is by the polynomial of the force, of which a path without events has no need.
+    """
     eventless, end = try_step((x, v), side, number, j, parameters, workspace)
-    if not eventless:
+    if by_force or not eventless:
         build_force(number, j, parameters, workspace)
         end, side, time = step_with_events((x, v), end, side, number, j, 1.0, 0, parameters, workspace, None)
         if time < math.inf:
@@ -62,14 +65,14 @@ def _pair(stream, fine, coarse, factor, cycles):
         _gather(workspaces[0].noise, number % factor, fine, workspaces[1].noise)
         if times[0] == math.inf:
             x, v, side = states[0]
-            x, v, side, time = interval(x, v, side, number, number % intervals, fine, workspaces[0])
+            x, v, side, time = interval(x, v, side, number, number % intervals, fine, workspaces[0], False)
             states[0] = x, v, side
             if abs(x) >= fine.block.cutoff:
                 times[0] = time
         if times[1] == math.inf and number % factor == factor - 1:
             x, v, side = states[1]
             j = number % intervals // factor
-            x, v, side, time = interval(x, v, side, number // factor, j, coarse, workspaces[1])
+            x, v, side, time = interval(x, v, side, number // factor, j, coarse, workspaces[1], False)
             states[1] = x, v, side
             if abs(x) >= fine.block.cutoff:
                 times[1] = time
