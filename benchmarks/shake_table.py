@@ -3,7 +3,7 @@
 FILE is an .npz with `ids` (n,), `dt`, seconds, and for each id `a<id>`, the acceleration of the table in 1e-4 g. With
 `overturned` (n, 2), whether specimen 1 and 2 did, and `record` (n,), the ground motion that was scaled, blocks are
 fitted, compared, and kept in docs/benchmarks. The repository holds no copy of measured motions. Five processor
-minutes, and twenty more with --more; tables of outcomes are kept in FOLDER:
+minutes, and fifteen more with --more; tables of outcomes are kept in FOLDER:
 
     python benchmarks/shake_table.py --motions FILE.npz --tables FOLDER [--draws 64] [--more]
 
@@ -45,7 +45,7 @@ from fpk_rocking.studies.posterior import Calibration, drawn_names
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"
 SPECIMENS = "specimen 1", "specimen 2"
-DRAWS, REFINED, FEW, FILTERED, IN_THREE, STIFF = 64, 64, 8, 32, 128, 0.94
+DRAWS, REFINED, FEW, FILTERED, IN_THREE, STIFF = 64, 64, 8, 32, 32, 0.94
 HOUSNER = {name: law for name, law in PRIOR.items() if name != "restitution"}
 UNEQUAL = PRIOR | {"offset": "normal:0:0.1"}
 NO_SCATTER = {"spread": 0.0, "scatter": None, "stray": "uniform:0.01:0.6"}

@@ -131,9 +131,8 @@ def phrases():
     yield f"lower by {pair(lambda row: row['scores'][scatter]['loss above'], 2)}."
     for count in (32, 64):
         yield f"{pair(lambda row, count=count: row[variants][f'{count} draws']['Brier'], 4)} with {count}"
-    yield f"With 8 draws it is {pair(lambda row: row[variants]['8 draws']['Brier'], 3)};"
-    low_passed = (pair(lambda row, f=f: row[variants][f"8 draws, low-pass {f} Hz"]["Brier"], 3) for f in (20, 10))
-    yield f"at 20 and 10 Hz gives {', and '.join(low_passed)}."
+    low_passed = (pair(lambda row, f=f: row[variants][f"32 draws, low-pass {f} Hz"]["Brier"], 3) for f in (20, 10))
+    yield f"at 20 and 10 Hz gives {', and '.join(low_passed)} (32 draws)."
     unequal = pair(lambda row: row[variants]["32 draws, unequal sides"]["Brier"], 3)
     yield f"Brier scores are {unequal} with 32 draws, against {pair(lambda row: row[variants]['32 draws']['Brier'], 3)}"
     first, second = (
