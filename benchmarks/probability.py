@@ -243,7 +243,8 @@ def write_rows(results, asked):
     )
     ratios = [row["seconds"] / row["hindsight"] for row in answered if row.get("hindsight", 0.0) > 0.2]
     body = f"""**Result.** The truth was inside answer ± error in {inside} of {len(answered)} scenes ({asked}); "ok" was
-wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused.
+wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused, as longer than the limit
+of the call.
 
 Processor seconds over those of the cheapest engine in hindsight, where that takes more than .2 s ({len(ratios)}
 scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest {max(ratios, default=math.nan):.2f}.

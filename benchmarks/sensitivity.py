@@ -57,7 +57,7 @@ GROUPS = {
         "filtered_(longest|smooth)": ("filtered smooth", "filtered slow"),
         "smallest_batch": ("exact", "exact record"),
         "foresight|score_.*": ("splitting",),
-        "batch_seconds|first_batch|impacts_per_cycle|most_.*|tally_.*|filtered_intervals|splitting_.*": (),
+        "followed|batch_seconds|first_batch|impacts_per_cycle|most_.*|tally_.*|filtered_intervals|splitting_.*": (),
     },
     "density": {
         "nodes_of_two|filter_turn": ("two states",),

@@ -54,7 +54,7 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
         computed = engine.simulate
 
         def watched(keys, first, cycle, parameters, angle, *others):
-            rows.append((engine.task, first, len(angle)))
+            rows.append((engine.task, int(first), len(angle)))
             computed(keys, first, cycle, parameters, angle, *others)
 
         monkeypatch.setitem(vars(engine), "simulate", watched)
