@@ -92,8 +92,9 @@ def escape_speed(scene, diffusion):
 
 
 def velocity_bound(scene, diffusion):
-    """Velocity that is passed only by blocks bound to overturn, and by `deviations` of the noise of a scene.
+    """Bound of |v| for the mesh of a scene, one number, nondimensional: the largest of those outward and inward.
 
+    Only blocks that are bound to overturn are faster, but for `TUNING.deviations` standard deviations of the noise.
     `diffusion` is the D that counts, nondimensional, of this scene or of what replaces its noise. Outward the bound
     lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is what a block
     from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact block has

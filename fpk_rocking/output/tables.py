@@ -144,8 +144,8 @@ def verdict_first(trust, *sentences) -> tuple[str, ...]:
 def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
     """Return a table of texts below the names of its columns, with a line between groups of rows.
 
-    A row is a sequence of as many texts as names. Numbers stand to the right, their intervals in the middle, names of
-    results to the left.
+    A row is a sequence of as many texts as names. The column "result" stands to the left, "95 %", "95 % interval" and
+    "± estimate" in the middle, all others to the right.
     """
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     sides = {"result": "left", "95 % interval": "center", "95 %": "center", "± estimate": "center"}

@@ -225,7 +225,7 @@ def _points(curve):
 
 
 def _digits(values):
-    """Return numbers as texts of four digits, nan as an empty one."""
+    """Return numbers (n,) as an array of texts with four significant digits, nan and inf as empty ones."""
     return np.array([f"{value:.4g}" if math.isfinite(value) else "" for value in values])
 
 

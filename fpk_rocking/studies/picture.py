@@ -132,7 +132,7 @@ def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
 
 
 def message(result: Any) -> str:
-    """Return the title of a picture of fragility: the scales at which half of the blocks overturn.
+    """Return the title of a picture of a `Fragility`: the scales, or their range, at which half of the blocks overturn.
 
     They are interpolated between the probabilities, along the logarithm of the scale; no fit is used.
     """

@@ -385,7 +385,7 @@ class Calibration(Saved, Result):
 
 
 def _limits(values, weights):
-    """Return median and 95 % limits of values (n,) with weights (n,)."""
+    """Return median, lower and upper 95 % limit, floats, of values (n,) with weights (n,) of sum 1."""
     order = np.argsort(values)
     shares = np.cumsum(weights[order]) - 0.5 * weights[order]
     middle, low, high = np.interp([0.5, 0.025, 0.975], shares, values[order])

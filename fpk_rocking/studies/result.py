@@ -187,12 +187,12 @@ class Fragility(Saved, Result):
 
     @property
     def names(self) -> list[str]:
-        """Labels of the l + 1 probabilities."""
+        """Labels of the probabilities: "overturned", then one for each of the l levels."""
         return ["overturned", *(f"|Θ| ≥ {level:g}" for level in self.level)]
 
     @property
     def names_with_degrees(self) -> list[str]:
-        """Labels of the l + 1 probabilities, with levels in degrees too where all blocks have one critical angle."""
+        """As `names`, with the levels in degrees too where all blocks have one critical angle above 0."""
         angle = math.degrees(_common([scene.block.critical_angle for scene in self.scenes]))
         if not angle > 0.0:
             return self.names

@@ -16,7 +16,10 @@ from montecarlo.simulation import simulate
 
 
 def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
-    """Sample a scene by `montecarlo.simulate`; return survival, final survivors, realizations, method, trust by key."""
+    """Sample a scene by `montecarlo.simulate`; return a dict of plain values.
+
+    "survival": a list by row; "survivors" of the last row, and "realizations": int; "method", "trust": texts.
+    """
     result = simulate(scene, seed=seed, **options)
     return {
         "survival": result.survival.tolist(),

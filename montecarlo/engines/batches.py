@@ -81,7 +81,7 @@ def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, prog
 def refuse_large(run, per_cycle=1, instead=""):
     """Raise ValueError for a `Run` whose states, `per_cycle` in a cycle, do not fit into 4 GiB.
 
-    `instead`: what the message says takes more, as a text.
+    `instead`: end of the message, as a text.
     """
     if run.realizations * (run.rows * per_cycle + 1) > TUNING.most_states:
         rows = "times" if run.scene.period is None else "cycles"

@@ -314,7 +314,7 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
 
 @kernel
 def _overturned(side):
-    """Return the `Exit` of a path that overturns to a side, -1 or 1."""
+    """Return the `Exit`, an integer code, of a path that overturns to a side, -1 or 1."""
     return Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT
 
 

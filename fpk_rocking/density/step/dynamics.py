@@ -128,7 +128,7 @@ class Dynamics:
         return segment_from_particular(self.forcing.particular_over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Return the flight over a step from `start` of a `duration` as `AffineFlights`.
+        """Return the flights of both sides, without noise and events, over a `duration` from `start`: `AffineFlights`.
 
         Of an exact block it is that whose acceleration is right at zero angle; `FreeFlight` adds the rest.
         """

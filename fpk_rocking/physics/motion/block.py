@@ -144,7 +144,8 @@ def contact_laws(block: Any) -> dict[int, ContactLaw]:
 def tilt_angle(angles: Array, critical_angle: float, saddle: Number = 1.0) -> Array:
     """Angle φ (n, ...), radians, between the vertical and the line from the corner to the centre of mass.
 
-    `angles` (n, ...) are x, nondimensional, `critical_angle` is α, radians, and `saddle` m, a number or an array.
+    `angles` (n, ...) are x, nondimensional, `critical_angle` is α, radians. `saddle` is m, the |x| of
+    unstable balance, 1 of equal sides, a number or an array. φ is negative beyond it.
     """
     return critical_angle * (saddle - np.abs(angles))
 

@@ -206,7 +206,7 @@ def _exponential(omega, _):
 
 
 def _low_pass(omega, zeta):
-    """Return the `StateSpace` of η and η'/ω for the frequency `omega` and the damping ratio `zeta`."""
+    """Return the `StateSpace` of η'' + 2ζω η' + ω² η = white noise, with states η and η'/ω, each of variance 1."""
     drift = omega * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
     return StateSpace(drift, np.array([0.0, 2.0 * math.sqrt(zeta * omega)]), np.array([1.0, 0.0]), np.eye(2))
 
