@@ -97,7 +97,7 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     return Grid(tuple(scenes), lists)
 
 
-def varied(scene: Scene, name: str, value: float) -> Scene:
+def varied(scene: Scene, name: str, value: Any) -> Scene:
     """Return a scene with one parameter changed.
 
     Parameters
@@ -109,8 +109,8 @@ def varied(scene: Scene, name: str, value: float) -> Scene:
         for another block under the same shaking (`resized`), "width", "height" or "size" (the half diagonal R), all in
         metres, or "slenderness" (height over width at the same R); of a body "height_of_centre", "right", "left" or
         "radius_of_gyration".
-    value : float
-        New value of the parameter.
+    value : float or (float, float)
+        New value of the parameter; two of the restitution of a body.
 
     Returns
     -------

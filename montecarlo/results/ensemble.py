@@ -102,7 +102,7 @@ class Sample(SurvivalResult):
         return f"{self.label}, {self._outcome()}" if self.deterministic else super().title
 
     def overturning_text(self) -> str:
-        """Probability of overturning until the last time ± half width of its 95 % interval, as a text; of one path no ±."""
+        """Text of the probability of overturning until the last time ± half of its 95 % interval; one path has no ±."""
         over = 1.0 - float(self.survival[-1])
         if self.interval is None:
             return f"P(overturned) = {over:.0f} (one path)"

@@ -53,9 +53,9 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
     def watch(engine):
         computed = engine.simulate
 
-        def watched(keys, first, cycle, parameters, angle, *others):
-            rows.append((engine.task, int(first), len(angle)))
-            computed(keys, first, cycle, parameters, angle, *others)
+        def watched(keys, numbers, cycle, parameters, angle, *others):
+            rows.append((engine.task, *numbers.tolist(), len(angle)))
+            computed(keys, numbers, cycle, parameters, angle, *others)
 
         monkeypatch.setitem(vars(engine), "simulate", watched)
 
