@@ -183,3 +183,11 @@ def test_a_file_goes_before_a_scene_of_its_name_where_it_is_a_path(tmp_path):
     (tmp_path / "main").write_text(load_scene("second").to_toml(), encoding="utf-8")
     assert load_scene("./main") == load_scene(pathlib.Path("main")) == load_scene("second")
     assert load_scene("main") != load_scene("second")
+
+
+def test_files_to_download_are_those_that_the_page_shows():
+    folder = ROOT / "docs" / "tutorials"
+    page = (folder / "fragility.md").read_text(encoding="utf-8")
+    assert f"```toml\n{(folder / 'rack.toml').read_text(encoding='utf-8')}```" in page
+    lines = (folder / "pgv.csv").read_text(encoding="utf-8").splitlines()
+    assert "\n\n" + "".join(f"    {line}\n" for line in lines) + "\n" in page
