@@ -232,9 +232,6 @@ def refuse_unsolvable(scene: Scene) -> None:
     if noise.kind == "filtered":
         reason = "the density under filtered noise, which lifts a block off to both sides at one level of the force"
         scene.block.require_symmetric(reason, "use Monte Carlo, or white noise")
-    if not scene.repeats:
-        reason = "the density of a motion that does not repeat, which is not checked enough for other bodies"
-        scene.block.require_symmetric(reason, "use Monte Carlo")
     if noise.kind == "filtered" and noise.space.order > 2:
         accepted = (
             "filters of up to 2 states, each of which is one more variable of the density; use Monte "
