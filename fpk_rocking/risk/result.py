@@ -27,6 +27,8 @@ from fpk_rocking.studies.result import Fragility
 
 MOVED = 0.01
 """With noise intensities are added until they move the rate by less than this part."""
+MANY = 30
+"""Motions from which on the scatter between them is known to about an eighth of it (1/√(2 · 30))."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -151,8 +153,10 @@ class Study(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on noise and baselines, and what the correction of the baselines changes."""
-        return (*self.curve.remarks, *filter(None, [self._of_correction()]))
+        """Remarks on noise, baselines and the number of motions, and what the correction of the baselines changes."""
+        few = f"{self.curve.records} motions are few: 30 are needed to rely on the scatter between them."
+        remarks = [few * (1 < self.curve.records < MANY), self._of_correction()]
+        return (*self.curve.remarks, *filter(None, remarks))
 
     def _of_correction(self):
         """Return what the correction of the baselines changes of probabilities and rate; empty without one."""

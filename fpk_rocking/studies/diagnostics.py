@@ -40,7 +40,7 @@ def _noise(result):
     grouped = []
     for kind in kinds.values():
         first, *others = sorted(kind, key=lambda diagnostic: -diagnostic.severity)
-        likewise = f" (Other scenes: {len(others)} likewise.)" * bool(others)
+        likewise = f" ({len(others)} of the others likewise.)" * bool(others)
         grouped.append(first._replace(message=first.message + likewise))
     return grouped
 
