@@ -239,7 +239,9 @@ def risk_figure(path: File, study: Any) -> None:
     study : Study
     """
     risk, title = study.risk, f"{study.title[0].upper()}{study.title[1:]}"
-    notes = risk.sentences if risk else [study.curve.describe()]
+    notes = list(risk.sentences) if risk else [study.curve.describe()]
+    if study.trust.verdict != "ok":
+        notes.insert(0, f"Verdict: {study.trust.verdict}. The report says why.")
     with pictures.page(path, (11.0 if risk else 6.5, 5.2), title, notes) as figure:
         left, *right = np.atleast_1d(figure.subplots(1, 2 if risk else 1))
         draw_curve(left, study.curve, study.records)
