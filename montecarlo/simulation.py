@@ -13,7 +13,8 @@ from fpk_rocking.results.grids import ascending_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.batches import checked_run, refuse_large, simulate_batches
 from montecarlo.results.counts import LARGEST, add, empty_counts
-from montecarlo.results.ensemble import Ensemble, Histories
+from montecarlo.results.ensemble import Ensemble
+from montecarlo.results.histories import Histories
 from montecarlo.results.tally import Checkpoint, Tally, resumed
 from montecarlo.tuning import TUNING
 

@@ -3,10 +3,9 @@
 import dataclasses
 import functools
 import math
-import statistics
 import sys
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -15,14 +14,14 @@ from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.probability import Probability
+from fpk_rocking.studies.stopping import GROWTH, QUANTILE, SideCounts, WantedError
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.splitting import split
 
 __all__ = ["Probability", "probability"]
 
-_Z = statistics.NormalDist().inv_cdf(0.975)
-_PILOT, _GROWTH = 1000, 16
-"""Paths before anything is predicted, and how many times more may follow before the prediction is made anew."""
+_PILOT = 1000
+"""Paths before anything is predicted."""
 _SHORT_S = 1.0
 """Predicted seconds of paths below which nothing else is tried."""
 _SPLITTING_S = 15.0
@@ -105,69 +104,8 @@ def probability(
     return call.answer()
 
 
-class _Wanted(NamedTuple):
-    """The error that is wanted: absolute, relative; 0 where none."""
-
-    tol: float
-    rtol: float
-
-    def of(self, share):
-        """Return the error that is small enough for a probability."""
-        return max(self.tol, self.rtol * share)
-
-    def paths(self, overturned, paths):
-        """Return how many paths are needed, from how many of some overturned: by the limits of their share."""
-        low, high = wilson_interval(overturned, paths).tolist()
-        widest = min(max(0.5, low), high)
-        absolute = 1.02 * widest * (1.0 - widest) * (_Z / self.tol) ** 2 + _Z**2 if self.tol else math.inf
-        share = 0.5 * (low + overturned / paths) or high  # where none has overturned, as few as can be
-        relative = (1.0 - share) / share * (_Z / self.rtol) ** 2 if self.rtol else math.inf
-        return min(absolute, relative)
-
-    def next_stage(self, overturned, paths):
-        """Return how many paths there are after the next stage: what is needed, within the factors of a stage."""
-        return int(min(max(self.paths(overturned, paths), 1.25 * paths), _GROWTH * paths))
-
-
 class _SlowerError(Exception):
     """The density takes longer than was predicted, and than paths."""
-
-
-class _Counts:
-    """How many of some paths have overturned at each time to the left and to the right: `sides` (rows, 2).
-
-    `returns` (2,): how many of them were followed on to the fall, and how many of these came back.
-    """
-
-    def __init__(self, times):
-        self.returns = np.zeros(2, np.int64)
-        self.times, self.paths, self.sides = times, 0, np.zeros((len(times), 2), np.int64)
-
-    def add(self, batch):
-        """Add a `Batch` of realizations."""
-        over = batch.overturn_side != 0
-        rows = np.searchsorted(self.times, batch.overturn_time[over])
-        passages = np.zeros_like(self.sides)
-        np.add.at(passages, (rows, (batch.overturn_side[over] > 0).astype(int)), 1)
-        self.sides += np.cumsum(passages, axis=0)
-        self.returns += batch.returns
-        self.paths += len(batch.overturn_side)
-
-    @property
-    def columns(self):
-        """Numbers of paths that stand, and that overturned to either side, (rows, 3)."""
-        return np.column_stack([self.paths - self.sides.sum(axis=1), self.sides])
-
-    @property
-    def overturned(self):
-        """Number of paths that have overturned by the last time."""
-        return int(self.sides[-1].sum())
-
-    @property
-    def half_widths(self):
-        """Larger distance of the shares in `columns` from the limits of their 95 % intervals, (rows, 3)."""
-        limits = wilson_interval(self.columns, self.paths)
-        return np.abs(limits - (self.columns / self.paths)[..., None]).max(axis=-1)
 
 
 @dataclasses.dataclass
@@ -175,11 +113,11 @@ class _Call:
     """A call of `probability`: its checked parameters, and what it has learned so far."""
 
     run: Any
-    wanted: _Wanted
+    wanted: WantedError
     limit_s: float
     progress: Progress | None
     began: float
-    counts: _Counts
+    counts: SideCounts
     split: bool = False
 
     @classmethod
@@ -194,7 +132,7 @@ class _Call:
             for name, value in (("tol", tol), ("rtol", rtol))
         )
         limit_s = limit_s if limit_s == math.inf else checks.number("limit_s", limit_s, above=0.0)
-        return cls(run, _Wanted(tol, rtol), limit_s, progress, began, _Counts(run.times))
+        return cls(run, WantedError(tol, rtol), limit_s, progress, began, SideCounts(run.times))
 
     def one_path(self):
         """Return the answer for a scene in which nothing is random."""
@@ -260,7 +198,7 @@ class _Call:
         least = "at least " * (not counts.overturned)
         paths = self.limit_s / seconds * needed
         share = max(counts.overturned, 1) / counts.paths
-        within = _Z * math.sqrt(share / paths)
+        within = QUANTILE * math.sqrt(share / paths)
         raise ValueError(
             f"{name}: got {getattr(self.wanted, name):g}, which takes {least}{needed:.2g} paths, about {seconds:.2g} s "
             f"({counts.overturned} of {counts.paths:,} paths overturned, the probability is below {high:.2g}); "
@@ -272,7 +210,7 @@ class _Call:
         counts, errors, engine = self.counts, self.counts.half_widths, self.run.method
         reason = f"Paths under the noise as it is reach the wanted error soonest ({engine} engine)."
         if engine != "exact" and not interrupted:
-            coarse = _Counts(self.run.times)
+            coarse = SideCounts(self.run.times)
             self.sample(max(counts.paths // _FEWER, _PILOT), coarse, max(8, self.run.steps_per_cycle // _COARSER))
             change = np.abs(coarse.columns / coarse.paths - counts.columns / counts.paths)
             errors = errors + np.maximum(change - math.sqrt(1.0 + _FEWER) * errors, 0.0)
@@ -373,7 +311,7 @@ class _Call:
             if error <= wanted and last and not rare.skewed:
                 break
             more = 2.0 if not last or rare.skewed else max(2.0, 1.2 * (error / wanted) ** 2)
-            walkers = math.ceil(walkers * min(more, _GROWTH))
+            walkers = math.ceil(walkers * min(more, GROWTH))
             # Of an event that few paths saw, what plain paths take is a lower bound.
             limit = min(self.limit_s, paths_s) if counts.overturned > 4 else self.limit_s
             if more * (time.perf_counter() - began) > limit:

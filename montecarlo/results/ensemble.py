@@ -1,7 +1,6 @@
-"""Samples of realizations: what an ensemble and a tally have in common, the ensemble, and the histories of a few.
+"""Samples of realizations: what an ensemble and a tally have in common, and the ensemble.
 
-An ensemble keeps the states of all its realizations at the Poincaré points. `Histories` are states between these points
-of some realizations, and their impacts.
+An ensemble keeps the states of all its realizations at the Poincaré points.
 """
 
 import dataclasses
@@ -11,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.returns import return_diagnostics
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
@@ -255,155 +253,3 @@ class Ensemble(Saved, Sample):
             overturn_side=("realization", self.overturn_side),
         )
         return dataset
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Histories(Saved, Result):
-    """Time histories of independent realizations, with every impact; all quantities are nondimensional.
-
-    There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
-    repeat.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene that was given to `histories`.
-    method : str
-        "exact", "rk4", "white" or "filtered".
-    seed : int
-        Seed of the random numbers.
-    steps_per_cycle, samples_per_cycle : int
-        As given to `histories`.
-    wall_s : float
-        Seconds that the call took, compilation included.
-    time : ndarray, shape (n,)
-        Times τ of the states, equally spaced from 0 where the forcing repeats.
-    angle, velocity : ndarray, shape (realizations, n)
-        States; nan after overturning.
-    overturn_time : ndarray, shape (realizations,)
-        Time τ of overturning; nan for a block that stands.
-    overturn_side : ndarray of int8, shape (realizations,)
-        -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
-    impact_realization : ndarray of int, shape (n_impacts,)
-        Number of the realization of each impact, ascending; the impacts of a realization are in the order of time.
-    impact_time, impact_velocity : ndarray, shape (n_impacts,)
-        Time τ of each impact, and the velocity just before it. A burst of ever smaller impacts (chatter) that an engine
-        sums up is not listed.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from montecarlo import histories
-    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> paths = histories(rack, cycles=2, realizations=3)
-    >>> print(paths.impacts, paths.impact_velocity.round(2))
-    [3 3 2] [ 0.36 -0.91  0.67  0.29 -1.03  0.77  0.14 -0.64]
-    """
-
-    kind: ClassVar = "histories"
-    scene: Scene
-    method: str
-    seed: int
-    steps_per_cycle: int
-    samples_per_cycle: int
-    wall_s: float
-    time: Annotated[Array, "f8 k"]
-    angle: Annotated[Array, "f8 n k"]
-    velocity: Annotated[Array, "f8 n k"]
-    overturn_time: Annotated[Array, "f8 n"]
-    overturn_side: Annotated[Array, "i1 n"]
-    impact_realization: Annotated[Array, "i8 i"]
-    impact_time: Annotated[Array, "f8 i"]
-    impact_velocity: Annotated[Array, "f8 i"]
-
-    @property
-    def realizations(self) -> int:
-        """Number of realizations."""
-        return self.angle.shape[0]
-
-    @property
-    def cycles(self) -> int | None:
-        """Number of forcing cycles; None where the forcing does not repeat."""
-        return None if self.scene.period is None else (self.time.size - 1) // self.samples_per_cycle
-
-    @property
-    def impacts(self) -> Array:
-        """Number of impacts of each realization, shape (realizations,)."""
-        return np.bincount(self.impact_realization, minlength=self.realizations)
-
-    def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of the model, and of the time steps of a path where nothing is random."""
-        return super().model_diagnostics() + (path_diagnostics(self.method) if self.scene.deterministic else [])
-
-    @property
-    def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok": single paths have no sampling error."""
-        return EXACT_PATH if self.scene.deterministic else "These are single paths: nothing is estimated from them."
-
-    @property
-    def metadata(self) -> dict[str, Any]:
-        """Method, seed, sizes and seconds, as plain values by name."""
-        return super().metadata | {"realizations": self.realizations}
-
-    @property
-    def title(self) -> str:
-        """Number of paths, of those overturned and of impacts, as a line of text."""
-        ended = np.count_nonzero(self.overturn_side)
-        return (
-            f"{self.realizations:,} path{'s' * (self.realizations != 1)} by Monte Carlo {self.method} until "
-            f"τ = {self.time[-1]:.4g}, {ended:,} overturned, {self.impact_time.size:,} impacts"
-        )
-
-    def dataset(self) -> Dataset:
-        """Arrays of the result by name; a row of the table is the state of a realization at a time.
-
-        The impacts are arrays of their own, beside the table.
-        """
-        return Dataset(
-            {
-                "angle": (("realization", "time"), self.angle),
-                "velocity": (("realization", "time"), self.velocity),
-                "overturn_time": ("realization", self.overturn_time),
-                "overturn_side": ("realization", self.overturn_side),
-                "impact_realization": ("impact", self.impact_realization),
-                "impact_time": ("impact", self.impact_time),
-                "impact_velocity": ("impact", self.impact_velocity),
-            },
-            {"realization": np.arange(self.realizations), "time": self.time},
-            rows=("realization", "time"),
-        )
-
-    def plot(self, realizations: int = 3) -> Any:
-        """Draw angle against time, and paths in the phase plane.
-
-        Parameters
-        ----------
-        realizations : int
-            How many to draw, from the first on.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
-        from fpk_rocking.results.pictures import figure_of
-
-        def angles(_, axes):
-            """Draw the angles over time."""
-            axes.plot(self.time, self.angle[:realizations].T, linewidth=0.9)
-            axes.set(xlabel="time τ", ylabel="angle Θ")
-
-        def plane(_, axes):
-            """Draw the paths in the phase plane."""
-            axes.plot(self.angle[:realizations].T, self.velocity[:realizations].T, linewidth=0.7)
-            axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
-
-        return figure_of(angles, plane)
-
-    def poincare(self) -> tuple[Array, Array]:
-        """Return angle and velocity at the whole cycles, each of shape (realizations, cycles + 1).
-
-        Both are nan after overturning.
-        """
-        refuse_transient(self.scene.forcing, "a Poincaré map")
-        return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]

@@ -29,7 +29,7 @@ from fpk_rocking.density.density import Density
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, filtered_discretization
 from fpk_rocking.density.filtered import FilteredPropagator, FilteredStart
-from fpk_rocking.density.refinement import warn_unresolved
+from fpk_rocking.density.notices import warn_unresolved
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore
 from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.step.dynamics import Dynamics

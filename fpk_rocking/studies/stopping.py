@@ -1,0 +1,76 @@
+"""How many paths a wanted error needs, and what has been counted so far."""
+
+import math
+import statistics
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from fpk_rocking.base.checks import Array
+from fpk_rocking.results.sampling import wilson_interval
+
+QUANTILE = statistics.NormalDist().inv_cdf(0.975)
+"""97.5 % point of the standard normal distribution."""
+GROWTH = 16
+"""How many times more paths may follow before what is needed is predicted anew."""
+
+
+class WantedError(NamedTuple):
+    """The error that is wanted: absolute, relative; 0 where none."""
+
+    tol: float
+    rtol: float
+
+    def of(self, share: float) -> float:
+        """Return the error that is small enough for a probability."""
+        return max(self.tol, self.rtol * share)
+
+    def paths(self, overturned: int, paths: int) -> float:
+        """Return how many paths are needed, from how many of some overturned: by the limits of their share."""
+        low, high = wilson_interval(overturned, paths).tolist()
+        widest = min(max(0.5, low), high)
+        absolute = 1.02 * widest * (1.0 - widest) * (QUANTILE / self.tol) ** 2 + QUANTILE**2 if self.tol else math.inf
+        share = 0.5 * (low + overturned / paths) or high  # where none has overturned, as few as can be
+        relative = (1.0 - share) / share * (QUANTILE / self.rtol) ** 2 if self.rtol else math.inf
+        return min(absolute, relative)
+
+    def next_stage(self, overturned: int, paths: int) -> int:
+        """Return how many paths there are after the next stage: what is needed, within the factors of a stage."""
+        return int(min(max(self.paths(overturned, paths), 1.25 * paths), GROWTH * paths))
+
+
+class SideCounts:
+    """How many of some paths have overturned at each time to the left and to the right: `sides` (rows, 2).
+
+    `returns` (2,): how many of them were followed on to the fall, and how many of these came back.
+    """
+
+    def __init__(self, times: Array) -> None:
+        self.returns = np.zeros(2, np.int64)
+        self.times, self.paths, self.sides = times, 0, np.zeros((len(times), 2), np.int64)
+
+    def add(self, batch: Any) -> None:
+        """Add a `Batch` of realizations."""
+        over = batch.overturn_side != 0
+        rows = np.searchsorted(self.times, batch.overturn_time[over])
+        passages = np.zeros_like(self.sides)
+        np.add.at(passages, (rows, (batch.overturn_side[over] > 0).astype(int)), 1)
+        self.sides += np.cumsum(passages, axis=0)
+        self.returns += batch.returns
+        self.paths += len(batch.overturn_side)
+
+    @property
+    def columns(self) -> Array:
+        """Numbers of paths that stand, and that overturned to either side, (rows, 3)."""
+        return np.column_stack([self.paths - self.sides.sum(axis=1), self.sides])
+
+    @property
+    def overturned(self) -> int:
+        """Number of paths that have overturned by the last time."""
+        return int(self.sides[-1].sum())
+
+    @property
+    def half_widths(self) -> Array:
+        """Larger distance of the shares in `columns` from the limits of their 95 % intervals, (rows, 3)."""
+        limits = wilson_interval(self.columns, self.paths)
+        return np.abs(limits - (self.columns / self.paths)[..., None]).max(axis=-1)
