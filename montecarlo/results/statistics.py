@@ -172,9 +172,9 @@ def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
 
 
 def _histogram(edges, counts, trials, interval):
-    """Make a `Histogram` of counts (n,) of `trials` and of limits (n, 2) of the share of each bin, `interval`.
+    """Return the named tuple `Histogram` of `counts` (n,) in bins of `edges` (n + 1,).
 
-    `edges` (n + 1,) are those of the bins.
+    `trials`: number of all values, in the bins or not; `interval` (n, 2): limits of the share of each bin.
     """
     widths = np.diff(edges)
     return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])
