@@ -248,6 +248,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     Returns
     -------
     Comparison
+        `survival`, its `difference` and `standard_error` by cycle, distances of the joint densities, and more.
 
     Raises
     ------

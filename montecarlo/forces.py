@@ -133,6 +133,8 @@ def contact_forces(histories: Histories) -> ContactForces:
     Returns
     -------
     ContactForces
+        `horizontal` and `normal`, (realizations, n) over mg at `time` (n,), and what follows: `friction`, `needed`,
+        `least`.
 
     Raises
     ------

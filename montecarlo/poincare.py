@@ -66,6 +66,8 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     Returns
     -------
     MeanMap
+        Named tuple: `points` and `standard_error`, (cycles + 1, 2), of angle and velocity; `counted`;
+        `overturned_after`.
 
     Raises
     ------
@@ -121,8 +123,9 @@ def restarted_poincare_map(
     Returns
     -------
     MeanMap
-        Its standard errors are those of averaging over one cycle. The map carries an error of a mean on into the next
-        cycles, which they do not contain; runs with other seeds show it.
+        Named tuple: `points` and `standard_error`, (cycles + 1, 2), of angle and velocity; `counted`;
+        `overturned_after`. Its standard errors are those of averaging over one cycle. The map carries an error of a
+        mean on into the next cycles, which they do not contain; runs with other seeds show it.
 
     Raises
     ------

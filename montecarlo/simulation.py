@@ -65,6 +65,8 @@ def simulate(
     Returns
     -------
     Ensemble
+        States `angle`, `velocity` (realizations, cycles + 1), times and sides of overturning; `survival`, `overturned`
+        and others by cycle.
 
     Raises
     ------
@@ -142,6 +144,8 @@ def histories(
     Returns
     -------
     Histories
+        States `angle`, `velocity` (realizations, n) at `time` (n,), overturnings, and all impacts: number of the path,
+        time τ and velocity.
 
     Raises
     ------
@@ -243,6 +247,7 @@ def tally(
     Returns
     -------
     Tally
+        `survival`, `overturned`, `mean`, `covariance` and others by cycle, and binned probabilities.
 
     Raises
     ------

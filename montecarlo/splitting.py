@@ -89,22 +89,22 @@ class Splitting(Result):
 
     @property
     def overturned(self) -> Array:
-        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
         return self.repeat_overturned.mean(axis=0)
 
     @functools.cached_property
     def repeat_probability(self) -> Array:
-        """Estimate of each repeat of the probability of having overturned by kT, shape (repeats, cycles + 1)."""
+        """Estimates of each repeat: probability of having overturned after each cycle, shape (repeats, cycles + 1)."""
         return self.repeat_overturned.sum(axis=2)
 
     @property
     def probability(self) -> Array:
-        """Probability of having overturned by kT, shape (cycles + 1,)."""
+        """Probability of having overturned after each cycle, shape (cycles + 1,)."""
         return self.repeat_probability.mean(axis=0)
 
     @property
     def survival(self) -> Array:
-        """Probability of not having overturned by kT, shape (cycles + 1,)."""
+        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
         return 1.0 - self.probability
 
     @property
@@ -244,6 +244,7 @@ def split(
     Returns
     -------
     Splitting
+        `probability` of having overturned and its `standard_error`, (cycles + 1,), estimates of each repeat, and more.
 
     Raises
     ------

@@ -38,6 +38,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
     Returns
     -------
     ndarray, shape (n + 1,)
+        Ascending: n cycles or n times after the 0.
 
     Raises
     ------

@@ -235,6 +235,8 @@ def measured(density: Any, paths: Any) -> Replacement:
     Returns
     -------
     Replacement
+        `difference` and `sampling_error`, (rows, 3) of survival, overturned to the left and to the right, and the size
+        of the sample.
 
     Raises
     ------

@@ -124,6 +124,7 @@ def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
     Returns
     -------
     Trust
+        Named tuple: `verdict`, "ok", "caution" or "do not use", and `reasons`, a tuple of sentences.
     """
     diagnostics = list(dict.fromkeys(diagnostics))
     judged = [diagnostic for diagnostic in diagnostics if diagnostic.value is not None and diagnostic.message]

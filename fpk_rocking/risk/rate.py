@@ -223,6 +223,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     Returns
     -------
     Risk
+        `rate`, 1/year, and its 95 % limits `interval`; shares of the rate by intensity.
 
     Examples
     --------

@@ -98,6 +98,8 @@ def study(
     Returns
     -------
     Study
+        `curve`, an `IntensityCurve`; `risk`, the annual rate, or None without a hazard; `fragility` of each motion;
+        `write` makes files.
 
     Raises
     ------

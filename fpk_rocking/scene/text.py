@@ -50,6 +50,7 @@ def without_units(name: str, table: dict[str, Any], size: BlockSize | None) -> d
     Returns
     -------
     dict
+        A new table, with the same entries under nondimensional keys.
 
     Raises
     ------

@@ -308,6 +308,8 @@ def critical_intensities(
     Returns
     -------
     CriticalIntensities
+        `critical` (m,): lowest intensity of each motion that overturns the block; all intervals, `jumps`; what it does
+        at its own scale.
 
     Raises
     ------

@@ -82,7 +82,8 @@ def fragility(
     Returns
     -------
     Fragility
-        Where the engine refuses some of the scales, the probability is nan there and `Fragility.reasons` says why.
+        `probability` (scenes, 1 + levels, scales), its `interval`, lognormal `fits` and others. Where the engine
+        refuses some of the scales, the probability is nan there and `Fragility.reasons` says why.
 
     Raises
     ------

@@ -67,6 +67,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     Returns
     -------
     Draws
+        Named tuple: `scenes`, the values that were drawn for each by name, and the number of its `origin`.
 
     Raises
     ------

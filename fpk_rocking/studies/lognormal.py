@@ -116,6 +116,8 @@ def fit_lognormal(
     Returns
     -------
     LognormalFit
+        Named tuple: `median`, `dispersion`, their intervals, `misfit`, `p_value` and others; callable, as
+        ``fit(scale)``.
 
     Examples
     --------
@@ -227,8 +229,9 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
     Returns
     -------
     list of Ranking
-        The best first; without those that a scene does not have, that determine no curve, or that are another one in
-        other units, as p PGV/(g tan θ_cr) is for motions of one block.
+        Named tuples: `measure`, `deviance`, `median`, `dispersion`. The best first; without those that a scene does not
+        have, that determine no curve, or that are another one in other units, as p PGV/(g tan θ_cr) is for motions of
+        one block.
 
     Examples
     --------

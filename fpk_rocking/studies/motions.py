@@ -81,6 +81,7 @@ def intensities(scene: Scene) -> Intensities:
     Returns
     -------
     Intensities
+        Named tuple: `acceleration`, `velocity` and `relative_velocity`, nondimensional; `pga`, m/s², and `pgv`, m/s.
 
     Examples
     --------
@@ -140,6 +141,7 @@ def intensity_of(scene: Scene, measure: str) -> float:
     Returns
     -------
     float
+        In the unit of the measure, above 0.
 
     Raises
     ------

@@ -84,7 +84,8 @@ def probability(
     Returns
     -------
     Probability
-        After an interruption from the keyboard what the paths until then say.
+        `overturned`, the probability by the last time, and its `error`; `left`, `right` and `errors` by row; `verdict`,
+        `method`. After an interruption from the keyboard what the paths until then say.
 
     Raises
     ------

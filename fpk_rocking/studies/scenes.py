@@ -73,6 +73,7 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     Returns
     -------
     Grid
+        Named tuple: `scenes`, the last axis changing fastest, and `axes`, the values of each parameter by name.
 
     Raises
     ------

@@ -243,7 +243,8 @@ def sweep(
     Returns
     -------
     Sweep
-        A scene that fails, or that ends its worker process, has a row with the reason.
+        `rows`, a dict for each scene, with what the task returned under "values". A scene that fails, or that ends its
+        worker process, has a row with the reason.
 
     Raises
     ------

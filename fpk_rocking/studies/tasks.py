@@ -210,6 +210,8 @@ def slenderness_cost(
     Returns
     -------
     SlendernessCost
+        Named tuple: probability by the `exact` and by the `slender` equation, `standard_error` of their `difference`,
+        `realizations`.
 
     Raises
     ------

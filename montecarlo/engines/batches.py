@@ -208,13 +208,13 @@ def _fill(batch, numbers, simulate, parts):
 
 
 def _part(batch, places):
-    """Return a `Batch` of views of the realizations at `places`, a slice, in a `Batch`."""
+    """Return the named tuple `Batch` of the realizations at `places`, a slice, of another: views of its arrays."""
     impacts = ImpactRecord(*(array[places] for array in batch.impacts))
     return Batch(batch.first + places.start, *(array[places] for array in batch[1:5]), impacts, batch.returns)
 
 
 def _repeated(batch, first, count):
-    """Return a `Batch` of `count` equal realizations, numbered from `first` on, made of a `Batch` of one."""
+    """Return the named tuple `Batch` of `count` equal realizations, numbered from `first` on, by a `Batch` of one."""
     states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:5], batch.impacts))
     return Batch(first, *states, ImpactRecord(*impacts), batch.returns)
 
@@ -249,9 +249,9 @@ def _refuse_missing_states(batch, run, times):
 
 
 def _empty_batch(first, count, rows, capacity):
-    """Return a `Batch` to be filled: `count` realizations numbered from `first` on, with `rows` states each, nan.
+    """Return the named tuple `Batch`, to be filled: `count` realizations, numbered from `first` on.
 
-    Each has space for `capacity` impacts.
+    Its states are arrays (count, rows), nan at first; there is space for `capacity` impacts of each realization.
     """
     angle, velocity = np.full((2, count, rows), math.nan)
     time, speed = np.full((2, count, capacity), math.nan)
@@ -314,7 +314,7 @@ class ScaledPaths:
     def __call__(self, scales):
         """Return the named tuple `Outcomes` of n paths, one at each of the `scales` (n,), factors above 0.
 
-        The threads share the paths.
+        Arrays (n,): time τ and side of overturning, and the largest |Θ|. The threads share the paths.
         """
         outcomes = Outcomes(*np.full((3, len(scales)), math.nan))
         map_threads(lambda number: self._follow(number, scales[number], outcomes), range(len(scales)))

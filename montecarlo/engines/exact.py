@@ -73,9 +73,10 @@ def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG0
 
 @kernel(inline="always")
 def _is_eventless(u, end, side, j, parameters):
-    """Whether a flight from folded angle u to folded angle `end` surely has no event in interval j; nondimensional.
+    """Whether a flight from folded angle u to folded angle `end` surely has no event in interval j of the tables.
 
-    `side` is 1 or -1; of `parameters` (`Parameters` of `band_noise`) `least` and `most` are the bounds of both angles.
+    Folded angles are `side`, 1 or -1, times angles, nondimensional. Of `parameters`, `Parameters` of `band_noise`,
+    `least` and `most` are read: bounds of both.
     """
     s = 1 if side > 0 else 0
     return min(u, end) > parameters.least[j, s] and max(u, end) < parameters.most[j, s]
@@ -83,11 +84,11 @@ def _is_eventless(u, end, side, j, parameters):
 
 @kernel(forceinline=True)
 def _try_closed(state, side, number, j, parameters, workspace):
-    """Return whether interval j, the run's `number`, surely has no event (bool), and the state at its end if so.
+    """Return whether interval j surely has no event (bool), and the state at its end if so.
 
     A state is a tuple, the growing and the decaying exponential and the folded angle, nondimensional; `state` is that
-    at the begin, `side` 1, -1 or 0 at rest, for which the answer is no. The noise is in the `workspace`. `parameters`,
-    `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    at the begin, `side` 1, -1 or 0 at rest, for which the answer is no. `number` counts intervals from the begin of the
+    run, j is the row of the tables. The noise is in `workspace`. `parameters`, `workspace`: those of `band_noise`.
     """
     factor, (grow, decay, u) = workspace.interval.factor * workspace.interval.factor, state
     grow, decay = grow * factor, decay * (1.0 / factor)
@@ -100,7 +101,7 @@ def _build_particular(number, j, parameters, workspace):
     """Write P of forcing and noise in interval j to `workspace.interval.particular` (TERMS,), for a slender block.
 
     P solves P'' = P + f; it is a polynomial in the time since the interval's middle. `number` counts intervals from the
-    begin of the run. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    begin of the run, j is the row of the tables. `parameters`, `workspace`: those of `band_noise`.
     """
     particular, samples = workspace.interval.particular, workspace.samples.values
     interpolate(particular, parameters.forced[j], parameters.polynomials[0], samples, number % CHUNK)
@@ -112,8 +113,8 @@ def _step_closed(state, end, side, number, j, share, cycle, parameters, workspac
 
     A state is a tuple, the growing and the decaying exponential and the folded angle, nondimensional. `state` is that
     at the begin, `end` that at the end if there were no event, from `_try_closed`; `side` is 1, -1, or 0 at rest;
-    `share` is 1. `impacts` is an `ImpactRecord`, of times since τ = 0. `parameters`, `workspace`: `Parameters` and
-    `Workspace` of `band_noise`; `number` counts intervals from the begin of the run at `cycle`.
+    `share` is 1. `impacts` is an `ImpactRecord`, of times since τ = 0. `number` counts intervals from the begin of the
+    run at `cycle`, j is the row of the tables. `parameters`, `workspace`: those of `band_noise`.
     """
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
@@ -139,8 +140,8 @@ def _step_within_closed(state, end, side, number, j, share, cycle, parameters, w
 def _end_closed(state, side, number, j, parameters, workspace):
     """Return (angle, velocity) at the end of interval j, nondimensional; (0, 0) at rest, which is `side` 0.
 
-    `state` is that at the end: the growing and the decaying exponential and the folded angle. `parameters`,
-    `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin of the run.
+    `state` is that at the end: the growing and the decaying exponential and the folded angle. `number` counts intervals
+    from the begin of the run, j is the row of the tables. `parameters`, `workspace`: those of `band_noise`.
     """
     grow, decay, u = state
     if side == 0:
@@ -180,8 +181,8 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (al
 def _respond_to_force(x, v, side, j, k, parameters, workspace):
     """Return (angle, velocity) of a slender block at the end of interval j if it has no event in it; nondimensional.
 
-    (x, v), angle and velocity, are at its begin, `side` is 1 or -1, k the interval's number in the chunk of samples in
-    `workspace`. The envelope is one piece. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    (x, v), angle and velocity, are at its begin, `side` is 1 or -1, j the row of the tables, k the interval's number in
+    the chunk of samples in `workspace`. The envelope is one piece. `parameters`, `workspace`: those of `band_noise`.
     """
     h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
     strength = parameters.envelope.strength[parameters.envelope.first[j]]
@@ -202,8 +203,8 @@ def _try_response(state, side, number, j, parameters, workspace):
     """Return whether interval j surely has no event for a slender block (bool), and (angle, velocity) at its end if so.
 
     `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; `number` counts intervals from
-    the begin of the run. Where the envelope has a kink inside the interval the answer is no. `parameters`, `workspace`:
-    `Parameters` and `Workspace` of `band_noise`.
+    the begin of the run, j is the row of the tables. Where the envelope has a kink inside the interval the answer is
+    no. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
     if side == 0:
@@ -233,8 +234,8 @@ def _try_collocation(state, side, number, j, parameters, workspace):
     """Return whether interval j surely has no event for an exact block (bool), and (angle, velocity) at its end if so.
 
     `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; `number` counts intervals from
-    the begin of the run. The angle is nan if collocation has not converged; u'' at its points is written to
-    `workspace.acceleration` (1, NODES). `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    the begin of the run, j is the row of the tables. The angle is nan if collocation has not converged; u'' is written
+    to `workspace.acceleration` (1, NODES). `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
     if side == 0 and (parameters.stays[j] or parameters.flight.slack[j] == math.inf):
@@ -327,8 +328,8 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
 
     The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the interval's
     begin, `side` 1, -1 or 0 at rest, `end` the state at its end as tried without an event. `number` counts intervals
-    from the begin of the run at `cycle`; `impacts` is an `ImpactRecord`, of times since τ = 0. `parameters`,
-    `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    from the begin of the run at `cycle`, j is the row of the tables; `impacts` is an `ImpactRecord`, of times since τ =
+    0. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     (x, v), first = state, parameters.envelope.first
     spacing, time, tried = parameters.grid.spacing, 0.0, False

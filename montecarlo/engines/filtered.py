@@ -182,8 +182,8 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
 def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
     """Return (angle, velocity, True) of a slender block at the end of interval j if it has no event; nondimensional.
 
-    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; what the noise adds is read from
-    `workspace`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `block` is not used.
+    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; j is the row of the tables. What the
+    noise adds is read from `workspace`. `parameters`, `workspace`: those of the engine; `block` is not used.
     """
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
     end, speed = homogeneous_flight(x - side, v, parameters.hyperbolic[0], parameters.hyperbolic[1])
@@ -194,9 +194,9 @@ def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
 def _fly_exact(x, v, side, j, parameters, workspace, block):
     """Return (angle, velocity, right) of an exact block at the end of interval j if it has no event; nondimensional.
 
-    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1, the noise is in `workspace`. `right` is
+    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; j is the row of the tables. `right` is
     False where the envelope has a kink inside the interval, or collocation does not converge: the state is then of no
-    use. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `block`: a `KernelBlock`.
+    use. `parameters`, `workspace`: those of the engine, the second with the noise; `block`: a `KernelBlock`.
     """
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return x, v, False
@@ -230,9 +230,9 @@ def _takes_parts(state, side, parameters):
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
     """Return whether interval j surely has no event (bool), and (angle, velocity) at its end if so.
 
-    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest. The noise's Bernstein
-    coefficients are written to `workspace.noise.bernstein`. `parameters`, `workspace`: the engine's `Parameters` and
-    `Workspace`; `number` is not used.
+    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; j is the row of the tables.
+    The noise's Bernstein coefficients are written to `workspace.noise.bernstein`. `parameters`, `workspace`: the
+    engine's `Parameters` and `Workspace`; `number` is not used.
     """
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise, margin)
@@ -250,10 +250,10 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
     """Write P of forcing and noise in interval j to `workspace.particular`; for an exact block the force itself.
 
     Under an envelope only the noise is written, to `workspace.noise.signal`. P solves P'' = P + f; all are coefficients
-    (TERMS,) of polynomials in the time since the interval's begin.
+    (TERMS,) of polynomials in the time since the interval's begin; j is the row of the tables.
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
-    `parameters`: the engine's `Parameters`; `number` is not used.
+    `parameters`, `workspace`: those of the engine; `number` is not used.
     """
     write_polynomial(parameters.noise, workspace.noise)
     if parameters.envelope.strength.size == 0:
@@ -371,9 +371,9 @@ def _step_with_events(state, end, side, number, j, share, cycle, parameters, wor
     """Carry a block through a `share`, up to 1, of interval j; return ((angle, velocity), side, time).
 
     The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the interval's
-    begin, `side` 1, -1 or 0 at rest; `number` counts intervals from the begin of the run at `cycle`; `impacts` is an
-    `ImpactRecord`, of times since τ = 0; `end` is not used. `parameters`, `workspace`: the engine's `Parameters` and
-    `Workspace`.
+    begin, `side` 1, -1 or 0 at rest; `number` counts intervals from the begin of the run at `cycle`, j is the row of
+    the tables; `impacts` is an `ImpactRecord`, of times since τ = 0; `end` is not used. `parameters`, `workspace`: the
+    engine's `Parameters` and `Workspace`.
     """
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state

@@ -170,7 +170,8 @@ def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG
     """Return (u, w) of a slender block at the end of interval j, without an event; nondimensional.
 
     u = s x and w = s v are the folded angle and velocity, those passed are at its begin, and `side` is s, 1 or -1;
-    `first`, `second` are standard normal numbers. `parameters`: the engine's `Parameters`; `block` is not used.
+    `first`, `second` are standard normal numbers, j is the row of the tables. `parameters`: the engine's `Parameters`;
+    `block` is not used.
     """
     drift = parameters.drift[j, (side + 1) // 2]
     keep, swap = parameters.hyperbolic
@@ -184,7 +185,8 @@ def _draw_exact(u, w, side, first, second, j, parameters, block):
     """Return (u, w) of an exact block at the end of interval j, without an event; nondimensional.
 
     u = s x and w = s v are the folded angle and velocity, those passed are at its begin, and `side` is s, 1 or -1;
-    `first`, `second` are standard normal numbers. `parameters`: the engine's `Parameters`; `block`: a `KernelBlock`.
+    `first`, `second` are standard normal numbers, j is the row of the tables. `parameters`: the engine's `Parameters`;
+    `block`: a `KernelBlock`.
     """
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
     u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
@@ -254,8 +256,8 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 def is_clear(u, w, side, j, parameters):
     """Whether a block surely keeps 4 standard deviations from both barriers, x = 0 and the cut-off, in interval j.
 
-    (u, w) are its folded angle and velocity at the begin, s x and s v, nondimensional, and `side` is s, 1 or -1;
-    `parameters`: the engine's `Parameters`, with these distances as `margin`.
+    (u, w) are its folded angle and velocity at the begin, s x and s v, nondimensional, and `side` is s, 1 or -1; j is
+    the row of the tables. `parameters`: the engine's `Parameters`, with these distances as `margin`. A bool.
     """
     below, above = folded_angle_bounds(
         u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block

@@ -125,17 +125,17 @@ class Sample(SurvivalResult):
 
     @property
     def survivors(self) -> Array:
-        """Number of realizations that have not overturned by kT, shape (cycles + 1,)."""
+        """Number of realizations that have not overturned after each cycle, shape (cycles + 1,)."""
         return self.realizations - self.overturned_counts.sum(axis=1)
 
     @property
     def survival(self) -> Array:
-        """Probability of not having overturned by kT, shape (cycles + 1,)."""
+        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
         return self.survivors / self.realizations
 
     @property
     def overturned(self) -> Array:
-        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
         return self.overturned_counts / self.realizations
 
     def survival_interval(self, level: float = 0.95) -> Array:

@@ -71,7 +71,7 @@ class Tally(Saved, Sample):
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:
-        """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
+        """Edges of the bins in pictures and tables: angles (n + 1,) and velocities (m + 1,), nondimensional."""
         usual, counted = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, counted, strict=True)) else counted
 
