@@ -356,7 +356,7 @@ def _bin_distances(results, sizes, cycle, edges):
 def _melnikov(results) -> dict:
     """Return figures of the Melnikov process, by the names of fields of `Comparison`, of a pair of `SurvivalResult`.
 
-    None each where the forcing does not repeat, or the sides of the block differ.
+    A dict of two floats and three arrays (2,), None each where the forcing does not repeat, or the sides differ.
     """
     forcing, block = results[0].scene.forcing, results[0].scene.block
     restitution, angle = block.restitution, block.critical_angle

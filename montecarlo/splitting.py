@@ -192,7 +192,7 @@ class Splitting(Result):
         from fpk_rocking.results.pictures import figure_of
 
         def probability(_, axes):
-            """Draw it on matplotlib `axes`; the first argument is not used."""
+            """Draw the probability over the cycles on matplotlib `axes`; the first argument is not used."""
             from matplotlib.ticker import MaxNLocator
 
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -71,9 +71,9 @@ def find_cells(lines, points, side="right"):
 
 
 def locate(lines, points):
-    """Return (cells, coordinates) of points (...): indices (...), see `find_cells`, and places (...), 0 to 1 within.
+    """Return (cells, coordinates) of points (...): indices (...), see `find_cells`, and places in them, 0 to 1, (...).
 
-    `lines` (n + 1,) are ascending mesh lines.
+    Points beyond the mesh have places below 0 or above 1. `lines` (n + 1,) are ascending mesh lines.
     """
     cells = find_cells(lines, points)
     return cells, (points - lines[cells]) / (lines[cells + 1] - lines[cells])

@@ -126,7 +126,7 @@ class Risk(Result):
 
     @property
     def rate_error(self) -> float:
-        """Standard error of the logarithm of the frequency, from its interval; inf where that begins at 0."""
+        """Standard error of the logarithm of the rate, from its interval; inf where that begins at 0."""
         low, high = self.interval
         return math.inf if low <= 0.0 else math.log(high / low) / (2.0 * 1.96)
 

@@ -111,7 +111,7 @@ class Study(Result):
 
     @property
     def factors(self) -> Array:
-        """Factor (r,) at which each motion overturns the block, with noise in half of the paths; inf for none."""
+        """Factor (r,) of its own strength at which each motion overturns the block, or half of paths; inf for none."""
         if self.critical is not None:
             return self.critical.factor
         own = np.array([intensity_of(scene, self.curve.measure) for scene in self.recorded])

@@ -31,7 +31,7 @@ _RANGES = {
 
 
 def check(scene: Any) -> None:
-    """Refuse a scene that the engines cannot carry.
+    """Raise an error for a scene that the engines cannot carry; else return None.
 
     Parameters
     ----------

@@ -65,12 +65,12 @@ class Capacities(NamedTuple):
 
     @classmethod
     def exact(cls, critical: ArrayLike, highest: float = math.inf, motion: ArrayLike | None = None) -> "Capacities":
-        """Return the capacities of rows without noise.
+        """Return the `Capacities` of m rows, blocks under motions, without noise: logarithms of the critical scales.
 
         Parameters
         ----------
         critical : array_like, shape (m,)
-            Scale at which each motion overturns the block; inf for one that does not up to the highest.
+            Scale at which each row overturns; inf for one that does not up to the highest.
         highest : float
             Highest scale of the search.
         motion : array_like of int, shape (m,), optional
@@ -88,7 +88,7 @@ class Capacities(NamedTuple):
 
     @classmethod
     def of_jumps(cls, jumps: Array, highest: float, motion: ArrayLike) -> "Capacities":
-        """Return the capacities of rows without noise whose outcomes have been searched for.
+        """Return the `Capacities` of m rows, blocks under motions, without noise, from all scales at which they change.
 
         A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
         logarithm: the mean of the probability over the scales stays. The lowest scale of all would fall on and on as a
@@ -115,7 +115,7 @@ class Capacities(NamedTuple):
 
     @classmethod
     def of(cls, scale: Array, shares: Array, trials: int, motion: ArrayLike) -> "Capacities":
-        """Return the capacities that probabilities at several scales stand for.
+        """Return the `Capacities` of m rows, blocks under motions, that probabilities at several scales stand for.
 
         Parameters
         ----------
@@ -260,12 +260,12 @@ class Capacities(NamedTuple):
             Mean over the motions at these.
         trials : int
             Size of the samples of noise; 0 where there are none.
-        rng : Generator
+        rng : numpy.random.Generator
 
         Returns
         -------
         float
-            nan where the outcomes determine no curve.
+            p-value; nan where the outcomes determine no curve.
         """
         mean_of = self.mean_of
         if not self.error.any():
@@ -286,7 +286,7 @@ class Capacities(NamedTuple):
 
     @property
     def mean_of(self) -> Array:
-        """Weights (m, r): values (..., m) of the rows @ them are means (..., r) over the rows of each motion."""
+        """Weights (m, r): an array (..., m) of the m rows @ these is the mean (..., r) over the rows of each motion."""
         return (self.motion[:, None] == np.arange(self.motion.max() + 1)) / np.bincount(self.motion)
 
     def parts(self, capacity: Array, drawn: Mapping[str, ArrayLike]) -> dict[str, tuple[float, float]]:

@@ -103,7 +103,7 @@ class CriticalIntensities(Saved, Result):
         Parameters
         ----------
         intensity : array_like, shape (n,)
-            Up to `highest`.
+            In the unit of the measure, above 0 and up to `highest`.
 
         Returns
         -------

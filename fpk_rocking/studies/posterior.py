@@ -183,7 +183,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def _neighbours(self):
-        """Probabilities (k, k) that in a test the block is another draw, for a tested block that is the first one."""
+        """Probabilities (k, k), [i, q]: if the tested block is draw i, that of its own block of a test being draw q."""
         places = self._quantiles
         away = np.square((places[:, None] - places) / max(self.spread, 1e-9)).sum(axis=-1)
         near = np.exp(-0.5 * away) * self.importance
@@ -191,7 +191,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def _shares_overturned(self):
-        """Shares (n, k, j) of blocks that overturn, of blocks that scatter about a draw with one critical angle."""
+        """Shares (n, k, j) that overturn under n motions, of blocks about each of k draws, at each critical angle."""
         return np.einsum("kq,nqj->nkj", self._neighbours, self.overturns.astype(np.float32), optimize=True)
 
     def _with_stray(self, shares):
@@ -200,7 +200,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def _evidence(self):
-        """Log-likelihood (n, h) of each outcome at the h nodes of the posterior, in the order of `weights`."""
+        """Log-likelihood (n, h) of each of n outcomes at the h nodes of the posterior, `weights` in one row."""
         parts, outcome = [], self.observed[:, None, None]
         for overturned in self._shares_overturned.swapaxes(0, 1):
             p = self._with_stray(overturned @ self._shares.T)
@@ -209,7 +209,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def weights(self) -> Array:
-        """Posterior weights (k, medians, scatters, strays), of sum 1."""
+        """Posterior weights (k, medians, scatters, strays) of the k draws and the nodes in `axes`, of sum 1."""
         logs = self.counted.astype(np.float32) @ self._evidence
         medians = np.log(self.axes[SCATTERED])
         ends = np.concatenate([[-math.inf], np.exp(0.5 * (medians[1:] + medians[:-1])), [math.inf]])
@@ -225,7 +225,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def _masses(self):
-        """Weights (k, j), of sum 1, of the critical angles of tests of each draw."""
+        """Weights (k, j), of sum 1: of each draw of the tested block with each critical angle of a test."""
         masses = (self.weights @ (1.0 - self.axes["stray"])).reshape(len(self.draws), -1) @ self._shares
         return masses / masses.sum()
 

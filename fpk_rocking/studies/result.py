@@ -182,7 +182,7 @@ class Fragility(Saved, Result):
 
     @functools.cached_property
     def pooled(self) -> IntensityCurve:
-        """Overturning against the scale, for a motion drawn from the population of the scenes: `IntensityCurve.of`."""
+        """`IntensityCurve` of overturning against the scale, for a motion drawn from the population of the scenes."""
         return IntensityCurve.of(self, "scale")
 
     @property

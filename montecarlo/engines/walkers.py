@@ -213,7 +213,7 @@ def _distance(u, w, side, particular, t, block):
 
 @kernel
 def _follow(u, w, side, j, forcing):
-    """Return the score (float) of a state at time j of the cycle: the largest z of its path without noise.
+    """Return the score (float) of a state at the j-th time of `forcing`: the largest z of its path without noise.
 
     u = s x and w = s v are the folded angle and velocity, `side` is s, 1 or -1; z, above 0 if the block escapes, is
     taken at the begin and after each impact. The path under `forcing`, a `NoiselessForcing`, is followed until it
@@ -256,7 +256,7 @@ def _write_scores(begin, end, table, forcing, fastest):
 
 @kernel
 def score_of_state(u, w, side, j, scores):
-    """Return the score (float) of a state (u, w, side) at time j of the cycle, by `scores`, a `ScoreTable`.
+    """Return the score (float) of a state (u, w, side) at the j-th time of `scores`, a `ScoreTable`.
 
     u and w are the folded angle and velocity, nondimensional, the side is 1 or -1. The score is bilinear between the
     table's nodes; beyond them, that at its edge.

@@ -191,7 +191,7 @@ def _add_state(counts, k, angle, velocity, to_quanta):
 
 @kernel
 def _add_product(total, product):
-    """Add a `product` (int64) of two numbers of quanta to `total` (2,), sums of its high and its low half."""
+    """Add a `product` (int64) of two numbers of quanta to `total` (2,) int64, sums of high and of low halves."""
     high = product >> _HALF
     total[0] += high
     total[1] += product - (high << _HALF)
