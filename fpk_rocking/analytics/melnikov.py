@@ -83,7 +83,7 @@ def critical_amplitude(
     Parameters
     ----------
     frequency : array_like
-        Frequency Ω of the forcing, above 0.
+        Angular frequency Ω of the forcing, nondimensional, above 0.
     restitution : array_like
         Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
