@@ -40,6 +40,9 @@ def phase_flux(
 ) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
 
+    y₁ is a standard normal number and y₂ the cosine of a uniform phase; σ_M² is the Melnikov variance of the noise
+    (`noise_variance`), D_m that of `harmonic_amplitude` and M that of `impact_loss`.
+
     Parameters
     ----------
     forcing : Harmonic, Harmonics or (amplitude, frequency)
@@ -243,7 +246,7 @@ def _excess(harmonic, loss, sigma):
 
 
 def _mean_near_zero(function, harmonic, loss, sigma):
-    """Mean over the phase θ of an even function of u that falls like exp(-u²/2), smooth on either side of u = 0.
+    """Return the mean over the phase θ of an even function of u that falls like exp(-u²/2), smooth beside u = 0.
 
     u is (D cos θ - M)/σ, with D `harmonic`, M `loss` and σ `sigma`, arrays of one shape, which the result has.
     `function` takes |u| as an array of any shape. Gauss-Legendre on the phases with 0 < u < 9 and on those with u < 0
@@ -264,7 +267,7 @@ def _mean_near_zero(function, harmonic, loss, sigma):
 
 
 def _phase_of(level, harmonic):
-    """Phase from 0 to π at which D cos θ falls to a level, an end where it does not.
+    """Return the phase from 0 to π, radians, at which D cos θ falls to a level, an end where it does not.
 
     `level` and D, `harmonic`, are arrays of one shape, which the result has.
     """
@@ -354,6 +357,7 @@ def normal_density(u: Array) -> Array:
     Parameters
     ----------
     u : ndarray
+        Of any shape.
 
     Returns
     -------

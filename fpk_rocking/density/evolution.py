@@ -210,7 +210,7 @@ class Evolution(Saved, SurvivalResult):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences that a reader needs: scene, noise and its check, what is not to be trusted, what is not judged."""
+        """Sentences, a tuple of text, that a reader needs: scene, noise and its check, what is not to be trusted."""
         check = check_remarks(self) if self.replacement else ()
         return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, self.below_zero, *check))))
 
@@ -301,6 +301,7 @@ class Evolution(Saved, SurvivalResult):
         Returns
         -------
         Density
+            Called with angles and velocities, nondimensional, it gives the density there.
 
         Raises
         ------

@@ -75,6 +75,7 @@ def solve_fpk(
     Returns
     -------
     Evolution
+        Survival, overturning to either side, densities and estimated errors at all times.
 
     Warns
     -----

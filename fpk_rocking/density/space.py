@@ -230,9 +230,9 @@ class Space:
         return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
     def transfer(self, coefficients, source):
-        """Return the coefficients in this space of a density in another one, by exact L2 projection.
+        """Return coefficients, of this space's shape, of a density in another one, by exact L2 projection.
 
-        `coefficients` have the shape of the `Space` `source`. Both meshes have the same extents, so that mass is
+        `coefficients` have the shape of that `Space`, `source`. Both meshes have the same extents, so that mass is
         conserved.
         """
         angle = _overlap_integrals(self.angle_lines, self.degree, source.angle_lines, source.degree)

@@ -140,7 +140,7 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def title(self) -> str:
-        """The escape rate and its error, as a line of text."""
+        """The escape rate per cycle and its relative error, as a line of text."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
     def dataset(self) -> Dataset:
@@ -225,7 +225,7 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def quasi_stationary(self) -> Density:
-        """Quasi-stationary density at whole cycles, of mass 1: it keeps its shape while blocks overturn."""
+        """Quasi-stationary density at whole cycles, a `Density` of mass 1: it keeps its shape while blocks overturn."""
         return Density(self.space, self._fine.quasi_stationary)
 
     @property

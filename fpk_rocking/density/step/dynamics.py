@@ -146,7 +146,10 @@ class Dynamics:
         return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
-        """Return the `Excess` of an exact block over a step from `start` of a `duration`; None of a slender one."""
+        """Return the `Excess`, an acceleration by angle, of an exact block over a step; None of a slender one.
+
+        The step is from `start` on, of a `duration`, nondimensional. The excess is called with angles and sides.
+        """
         if self.block.critical_angle is None:
             return None
         shifts = self.affine(start, 0.5 * duration).shifts[:, 0]

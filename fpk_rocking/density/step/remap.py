@@ -44,12 +44,12 @@ class Remap(NamedTuple):
 
 
 def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):
-    """Return the remap of rows whose lines shift and are diffused by Gauss-Hermite nodes, by exact integration.
+    """Return the `Remap` of rows of cells whose lines shift and are diffused by Gauss-Hermite nodes, exactly.
 
     Parameters
     ----------
     lines : ndarray, shape (cells + 1,)
-        Mesh lines that cut each line.
+        Mesh lines that cut each line, nondimensional angles or velocities; lines go through Gauss points across.
     bounds : ndarray of int, shape (rows, 2)
         First cell and the one after the last that a row runs through.
     shifts : ndarray, shape (rows, lines)

@@ -176,7 +176,7 @@ def _peer(text):
 
 
 def _refuse_vertical(where, component):
-    """Raise ValueError for a `component`, a text in a header, that is the vertical one; `where` says the place of it.
+    """Raise ValueError for a `component`, a text in a header, that is the vertical one; `where`, a text, is its place.
 
     Archives hand out three components of each motion, and no plot of one tells which it is.
     """

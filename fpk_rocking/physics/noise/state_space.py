@@ -201,7 +201,10 @@ class StateSpace(NamedTuple):
 
     @property
     def inward_variance(self) -> float:
-        """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
+        """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0.
+
+        η has the variance 1 and the autocovariance R.
+        """
         return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._covariance))
 
     @property
