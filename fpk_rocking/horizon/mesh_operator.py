@@ -321,7 +321,7 @@ def is_stagnated(refined):
 def judge(refined, tol):
     """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted.
 
-    `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` is that of `refine_operator`.
+    `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` the wanted error of survival.
     """
     fine, limit = refined.fine, TUNING.unresolved_negative_mass
     if fine.negative_mass > limit:

@@ -329,7 +329,7 @@ class CycleOperator(Result, LinearOperator):
         cycle : int
             Number of the cycle, from 1.
         phase : float, optional
-            As for `survival_map`.
+            Forcing phase Ψ at the start, radians; by default the scene's.
 
         Returns
         -------
@@ -352,7 +352,7 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         phase : float, optional
-            As for `survival_map`.
+            Forcing phase Ψ at the start, radians; by default the scene's.
 
         Returns
         -------

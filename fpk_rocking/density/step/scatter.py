@@ -56,8 +56,8 @@ class Chunks(NamedTuple):
 def scatter_point(target, amount, xi, eta, basis):
     """Add a mass `amount` times the shape functions at a point to `target` (modes²,), unknowns of one cell.
 
-    `xi`, `eta` are its reference coordinates, -1 to 1, in angle and velocity; `basis`, a tuple (modes,), tells the
-    compiler the number of modes.
+    `xi`, `eta` are its reference coordinates, -1 to 1, in angle and velocity; `basis`: a tuple of length modes, for the
+    compiler.
     """
     modes = len(basis)
     along, across = legendre_at(xi), legendre_at(eta)
@@ -72,7 +72,7 @@ def point_masses(cell, area, points, rows, values, basis):
     """Write to `values` (g, h) the masses of the Gauss points of a cell, by its coefficients `cell` (modes, modes).
 
     `area` is the cell's, `points` are `GaussPoints`, g in angle and h in velocity; `rows` (modes, h) is overwritten.
-    `basis`, a tuple (modes,), tells the compiler the number of modes.
+    `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
@@ -95,8 +95,7 @@ def point_masses(cell, area, points, rows, values, basis):
 def project_point_values(values, points, rows, out, basis):
     """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) of a function at its `GaussPoints`.
 
-    It is the L2 projection; `rows` (g, modes) is overwritten. `basis`, a tuple (modes,), tells the compiler the number
-    of modes.
+    It is the L2 projection; `rows` (g, modes) is overwritten. `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
@@ -121,7 +120,7 @@ def scatter_affine_cell(values, paths, side, x, v, angle_search, velocity_search
 
     `paths`: `AffinePaths`; `side`, ±1, is the cell's; x (g,) and v (h,) are its Gauss points. The searches are the
     `CellSearch` of the target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by
-    `Exit`: left, right, truncated. `basis`, a tuple (modes,), tells the compiler the number of modes.
+    `Exit`: left, right, truncated. `basis`: a tuple of length modes, for the compiler.
     """
     affine, offsets, node_weights = (paths.cosh, paths.sinh, paths.shifts[side]), paths.offsets, paths.weights
     for p in range(values.shape[0]):

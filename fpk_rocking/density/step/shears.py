@@ -62,7 +62,7 @@ def _write_row(t, moved, target, out, basis):
     """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction.
 
     Both are values at Gauss points. `target`: its first cell and the one after the last; `out` (cells, rows, modes,
-    lines). `basis`, a tuple (modes,), tells the compiler the number of modes.
+    lines). `basis`: a tuple of length modes, for the compiler.
     """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
@@ -74,8 +74,8 @@ def _write_row(t, moved, target, out, basis):
 def _read_row(t, values, target, out, basis):
     """Read row t to `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`.
 
-    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines). `basis`, a tuple
-    (modes,), tells the compiler the number of modes.
+    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines). `basis`: a tuple of
+    length modes, for the compiler.
     """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
@@ -87,8 +87,7 @@ def _read_row(t, values, target, out, basis):
 def _transform(cell, table, out, basis):
     """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b].
 
-    `cell`, `table` and `out`, which is written, are (modes, modes); `basis`, a tuple (modes,), tells the compiler the
-    number of modes.
+    `cell`, `table` and `out`, which is written, are (modes, modes); `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     for j in range(modes):
@@ -120,8 +119,8 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
     """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle.
 
     `values` of the same shape: before it; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. What passes
-    the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it. `basis`, a tuple
-    (modes,), tells the compiler the number of modes.
+    the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it. `basis`: a tuple of
+    length modes, for the compiler.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, masses = r // across, r % across, np.zeros(len(basis))
@@ -140,7 +139,7 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
     Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
     passed the cut-off to the left and to the right. `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
-    `basis` (modes,) tells the compiler the modes.
+    `basis`: a tuple of length modes, for the compiler.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
@@ -159,7 +158,7 @@ def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned
 
     `coefficients` (the space's shape) are those before it in the cells of the mask `free`. `out`: values (angle cells,
     velocity cells, modes, modes) at Gauss points; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. Masses
-    past the cut-off are added to `overturned` (2, velocity cells). `basis` (modes,) tells the compiler the modes.
+    past the cut-off are added to `overturned` (2, velocity cells). `basis`: a tuple of length modes, for the compiler.
     """
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
@@ -178,7 +177,7 @@ def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out,
     The modes are points in angle, and in velocity. It does so for places `begin` to `stop` in the order of `AngleRows`,
     from `coefficients` (the space's shape) before it in the cells of the mask `free`. Masses that passed the cut-off,
     which do not return, are added to `overturned` (2, velocity cells). `remap`: `Remap`; `tables`: `LineTables`;
-    `basis` (modes,) tells the compiler the modes.
+    `basis`: a tuple of length modes, for the compiler.
     """
     rows, coefficients, free, remap, tables, out, overturned = borrowed(
         (rows, coefficients, free, remap, tables, out, overturned)
@@ -194,8 +193,8 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 
     Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `free` is the mask of the cells and
     `exit_values` (2,) are those of having passed the cut-off to the left and to the right. It does so for places
-    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the
-    compiler the modes.
+    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length
+    modes, for the compiler.
     """
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
@@ -218,8 +217,8 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
     """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass.
 
     `values` (velocity cells, modes, modes) are those of the row before, `out` (velocity cells, angle cells, modes,
-    modes) is that of `velocity_shear`. `rows`: `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`. `basis`
-    (modes,) tells the compiler the modes.
+    modes) is that of `velocity_shear`. `rows`: `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`. `basis`: a
+    tuple of length modes, for the compiler.
     """
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
@@ -241,8 +240,8 @@ def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, t
 
     It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values` (angle
     cells, velocity cells, modes, modes) are those of `first_angle_shear`; both remaps: `Remap`; `tables`: `LineTables`.
-    The masses that passed the velocity bound are written to `truncated` (angle cells,). `basis` (modes,) tells the
-    compiler the modes.
+    The masses that passed the velocity bound are written to `truncated` (angle cells,). `basis`: a tuple of length
+    modes, for the compiler.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
@@ -258,8 +257,8 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
 
     It is given by values at Gauss points. Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of
     `VelocityRows`: `values` (velocity cells, angle cells, modes, modes) are those after, and `exit_value` is that of
-    having passed the velocity bound. Both remaps: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the compiler
-    the modes.
+    having passed the velocity bound. Both remaps: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length modes,
+    for the compiler.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
@@ -285,7 +284,7 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
 
     `values` (velocity cells, angle cells, modes, modes) are those before it at Gauss points. `rows`: `AngleRows`;
     `remap`: `Remap`; `tables`: `LineTables`. Masses past the cut-off are added to `overturned` (2, velocity cells).
-    `basis` (modes,) tells the compiler the modes.
+    `basis`: a tuple of length modes, for the compiler.
     """
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
@@ -304,7 +303,7 @@ def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, 
 
     `overturned` is (2, velocity cells), left and right. It does so for places `begin` to `stop` in the order of
     `AngleRows`; `values` (velocity cells, angle cells, modes, modes) are those of `velocity_shear`. `remap`: `Remap`;
-    `tables`: `LineTables`; `basis` (modes,) tells the compiler the modes.
+    `tables`: `LineTables`; `basis`: a tuple of length modes, for the compiler.
     """
     rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
     for n in range(begin, stop):
@@ -318,7 +317,7 @@ def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_va
 
     Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` are the
     coefficients after it, in the space's shape, `exit_values` (2,) are those of having passed the cut-off to the left
-    and to the right. `remap`: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
+    and to the right. `remap`: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length modes, for the compiler.
     """
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)

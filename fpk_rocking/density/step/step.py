@@ -99,8 +99,9 @@ class Characteristics:
     def activate(self, cells):
         """Add cells to those that the step moves; return (ends, flags) of the paths traced for that.
 
-        `cells` (angle cells, velocity cells) is a mask. For m new cells that an event can reach, ends (m, g, h, n, 2)
-        are the angle and velocity, flags (m, g, h, n) the side or `Exit`, see `trace_cells`.
+        `cells` (angle cells, velocity cells) is a mask. For m new cells that an event can reach, of g, h Gauss points
+        each, and n nodes of the noise, ends (m, g, h, n, 2) are the angle and velocity, flags (m, g, h, n) the side or
+        `Exit`.
         """
         new = np.argwhere(self.event_cells & cells & ~self.active)
         self.active |= cells

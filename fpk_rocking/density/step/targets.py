@@ -266,8 +266,8 @@ def _store_polynomials(points, b, rows):
 def scatter_group(target, begin, end, points, masses, basis):
     """Add `masses` (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell.
 
-    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2 blocks, 8). `basis`, a tuple
-    (modes,), tells the compiler the number of modes.
+    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2 blocks, 8). `basis`: a tuple of
+    length modes, for the compiler.
     """
     modes, sums, rows = len(basis), _sums(), _polynomials()
     for k in range(modes * modes):
@@ -290,7 +290,7 @@ def gather_group(function, begin, end, points, values, basis):
     """Write to `values` (blocks, 8) a function, by its coefficients (modes²,) in a cell, at points of the cell.
 
     `function` are the coefficients. The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2
-    blocks, 8). `basis`, a tuple (modes,), tells the compiler the number of modes.
+    blocks, 8). `basis`: a tuple of length modes, for the compiler.
     """
     modes, rows = len(basis), _polynomials()
     for b in range(begin, end):
@@ -312,8 +312,8 @@ def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ord
 
     `values` (g, h) are the masses; `buffer` (target cells, modes²) holds the unknowns, `absorbed` (3 or 4,) the masses
     by `Exit`: left, right, truncated, at rest; `node_weights` (n,) are those of the noise; `masses` (g h n + 1,) and
-    `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the compiler the number of modes. `targets`
-    are the `Targets`.
+    `ordered` (most, 8) are overwritten. `basis`: a tuple of length modes, for the compiler. `targets` are the
+    `Targets`.
     """
     n = 0
     for p in range(values.shape[0]):
@@ -340,9 +340,8 @@ def gather_cell(function, exit_values, node_weights, r, targets, values, path_va
     """Write to `values` (g, h) means over the nodes of a function at the paths' ends of source cell r.
 
     Adjoint of `scatter_cell`. `function` (target cells, modes²) are its coefficients, `exit_values` (3,) its values by
-    `Exit`: left, right, truncated; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple
-    (modes,), tells the compiler the number of modes. `node_weights` (n,) are those of the noise, `targets` the
-    `Targets`.
+    `Exit`: left, right, truncated; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`: a tuple
+    of length modes, for the compiler. `node_weights` (n,) are those of the noise, `targets` the `Targets`.
     """
     first, last = targets.groups[r], targets.groups[r + 1]
     base = targets.blocks[first]

@@ -222,8 +222,8 @@ def _without_begin(angle, quotient):
 def _leaves(u, w, angle, last, fall, block):
     """Whether a flight from x = 0 surely rises, a bool: its acceleration does, from 0 or more, but for 1e-9.
 
-    `u`, `w` are s x and s v at the begin, `angle` (TERMS,) is what `_expand` wrote, `last` is s x at the end, `fall`
-    half of the bound of -u'' in that polynomial's time, and `block` a `KernelBlock`.
+    `u`, `w` are s x and s v at the begin, `angle` (TERMS,) the coefficients of s x in time from -1 to 1 (`_expand`),
+    `last` is s x at the end, `fall` half of the bound of -u'' in that time, and `block` a `KernelBlock`.
     """
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False

@@ -360,8 +360,7 @@ def accumulated_covariance(weights: Array, left: Array) -> tuple[Array, Array, A
 def flight_shears(duration: float) -> tuple[float, float]:
     """Return (tanh(t/2), sinh t), the shears of which a slender flight of the duration t is made, in the order 1, 2, 1.
 
-    The first adds that part of the velocity to the angle, the second that part of the angle (x - s) to the velocity.
-    `duration` is t, nondimensional.
+    The first adds tanh(t/2) v to x - s, the second sinh t (x - s) to v. `duration` is t, nondimensional.
     """
     return math.tanh(0.5 * duration), math.sinh(duration)
 

@@ -226,8 +226,8 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
 def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
     """Return (weights, frequencies), (32,) each, of a quadrature for means over the band of `noise`, nondimensional.
 
-    The weights sum to 1. It is Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric
-    polynomials (a constant is not).
+    A mean is weights @ values at the frequencies. It is Gauss-Legendre in θ = atan ω, where the responses of a slender
+    block are trigonometric polynomials (a constant is not).
     """
     low, high = noise.band
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
