@@ -307,9 +307,9 @@ def _fine_about_rest(plane, scene, last):
 
 
 def _with_finer(lines, least, ratio):
-    """Return `lines` (n,) and more of them about 0, ascending: down to `least`, by a `ratio` of two lines at most.
+    """Return `lines` (n,) and more about 0, ascending, down to ±`least`; both symmetric about 0, nondimensional.
 
-    They are symmetric about 0, nondimensional.
+    From one of the new lines to the next it is a factor of `ratio` at most.
     """
     first = lines[lines > 0.0][0]
     count = max(math.ceil(math.log(first / least) / math.log(ratio)), 0)

@@ -111,7 +111,7 @@ class FilteredStart:
     def resolution(self, time: float, space: Space) -> float:
         """Return the least standard deviation at a node of the noise, at a `time`, over the size of a mesh's cell.
 
-        The mesh is that of a `Space`; see `resolution_of`.
+        It is a float. The mesh is that of a `Space`; see `resolution_of`.
         """
         mean, covariance = self.at(time)
         return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)

@@ -198,8 +198,8 @@ def moment_sums(values, points, flown, events, states, codes, least):
 
     It is a tuple of six floats and the box, (angle from, to, velocity from, to), which leaves out nodes with a mass
     below `least`. `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), `flown` the
-    `AffinePaths` of cells without events; `points` (`GaussPoints`), `events`, `states`, `codes` are `points`,
-    `numbers`, `ends`, `flags` of `Characteristics`.
+    `AffinePaths` of cells without events; `points` are `GaussPoints`. Of `Characteristics`: `events` are its `numbers`
+    (angle cells, velocity cells), `states` its `ends` (m, g, h, n, 2), `codes` its `flags` (m, g, h, n).
     """
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     points = borrowed(points)

@@ -146,9 +146,10 @@ class Dynamics:
         return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
-        """Return the `Excess`, an acceleration by angle, of an exact block over a step; None of a slender one.
+        """Return the `Excess` of an exact block over a step, a callable of angles and sides; None of a slender block.
 
-        The step is from `start` on, of a `duration`, nondimensional. The excess is called with angles and sides.
+        It is what the acceleration has beyond that of affine flights. The step is from `start` on, of a `duration`,
+        nondimensional.
         """
         if self.block.critical_angle is None:
             return None

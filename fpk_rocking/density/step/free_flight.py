@@ -191,11 +191,12 @@ def angle_remap_of(space, affine, diffusion, duration):
 
 
 def _angle_shears(space, affine, diffusion, duration, laws=SLENDER_CONTACT):
-    """Return what `prepare_remap` needs for a shear of the angle, for all cells of a `Space`: a tuple of six.
+    """Return (bounds, shifts, drift, spread, nodes, weights), what `prepare_remap` needs for a shear of the angle.
 
-    Bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the forcing's part of these by side (a dict), how
-    far the lines are diffused per node (rows, lines), nodes (n,) of the diffusion and their weights (n,). `affine`:
-    `AffineFlights`; `diffusion`: D; `duration` of the step; `laws`: a `ContactLaw` by side.
+    They are for all cells of a `Space`: bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the
+    forcing's part of these by side (a dict), how far the lines are diffused per node (rows, lines), nodes (n,) of the
+    diffusion and their weights (n,). `affine`: `AffineFlights`; `diffusion`: D; `duration` of the step; `laws`: a
+    `ContactLaw` by side.
     """
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
@@ -216,9 +217,9 @@ def _line_points(lines, points):
 
 
 def rows_along_angle(cells, middle):
-    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells).
+    """Return a mask (2 velocity cells, angle cells), one row a side and velocity cell, from a mask (angle, velocity).
 
-    Those of x < 0 come first: `middle` is the first angle cell with x > 0.
+    `cells` is that mask. The rows of x < 0 come first; `middle` is the first angle cell with x > 0.
     """
     rows = np.concatenate([cells.T, cells.T])
     rows[: cells.shape[1], middle:] = False
