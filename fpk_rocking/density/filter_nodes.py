@@ -381,8 +381,8 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
 def spread_left(noise, covariance, time):
     """Return the part, 0 to 1, of the angle's standard deviation that is left where the filter's states are known.
 
-    It is that at a `time`, nondimensional, of a flight under filtered `noise`; `covariance` (2, 2) is that of angle and
-    velocity at its begin, or None.
+    It is that at a `time`, nondimensional, of a flight under filtered `noise`; `covariance` is that of angle and
+    velocity at its begin, nested tuples ((xx, xv), (xv, vv)), or None for a point.
     """
     joint = joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
     return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))
