@@ -274,7 +274,7 @@ class TransientPropagator(Propagator):
 
     @property
     def memory(self) -> float:
-        """Bytes that a step takes, an int."""
+        """Bytes that a step takes."""
         return 2 * self.buffers.nbytes
 
     def initial_state(self, start: Start, times: Array) -> TransientState:

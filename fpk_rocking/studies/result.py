@@ -246,7 +246,7 @@ class Fragility(Saved, Result):
 
     @property
     def tol(self) -> float:
-        """Error of a probability that was asked for; a usual one for a sample, where none was."""
+        """Error of a probability that was asked for; where none was, as for a sample, `UNASKED`."""
         return self.options.get("tol", UNASKED)
 
     @property

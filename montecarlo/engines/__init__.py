@@ -44,7 +44,7 @@ def engine_of(scene, method=None):
 
 
 def task_of(engine, scene):
-    """Return the task that compiles an `Engine` for the block of a `Scene`: a text "module:function".
+    """Return the task that compiles `engine`, an `Engine`, for the block of a `Scene`: a text "module:function".
 
     `fpk_rocking.base.precompilation` takes such texts.
     """

@@ -70,8 +70,9 @@ def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
 def _displace_back(segment, block, duration, displacement, ends, flags):
     """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1.
 
-    See `displaced`. `segment` is the forcing over the step of a `duration`, a `Segment`. What is past the cut-off then
-    has overturned: its flag becomes an `Exit`.
+    `displacement`, the squared time ≥ 0 that `trace_cells` has added, is taken off here, see `displaced`. `block`: a
+    `KernelBlock`. `segment` is the forcing over the step of a `duration`, a `Segment`. What is past the cut-off then
+    has overturned: its flag becomes an `Exit`. Rows with other flags stay.
     """
     for n in range(len(ends)):
         side = flags[n]

@@ -139,10 +139,10 @@ def source_cells(lines, shifts, spreads, nodes, source, target, origin):
 
 @kernel
 def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
-    """Return `Remap.end_places`: numbers (rows, 2) of the ends that the source ranges pass, -1 for the others.
+    """Return `Remap.end_places`: numbers (rows, 2), from 0 by row, of the ends that sources pass, -1 for the others.
 
-    `lines` (cells + 1,) are mesh lines, `bounds` and `source` (rows, 2) ranges of cells of a row and of the active ones
-    in it, `shifts` and `spreads` (rows, lines) how far lines move and are diffused per node, `nodes` (n,) ascending.
+    `lines` (cells + 1,): mesh lines. `bounds`, `source` (rows, 2): half-open ranges of cells of a row, of its active
+    ones. `shifts`, `spreads` (rows, q): of its q Gauss points across, per unit of `nodes` (n,), ascending.
     """
     places = np.full((len(source), 2), -1, np.int64)
     number = 0

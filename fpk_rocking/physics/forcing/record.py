@@ -146,9 +146,10 @@ class Record(TransientForcing):
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
-        """Return the record that a TOML table (dict) describes by its file or by its samples.
+        """Return the record that a TOML table (dict) without its kind describes.
 
-        `name` is the table's, for messages; the file's path is relative to `folder`, a path.
+        Keys are file, units, scale, baseline, corner_hz as of `from_file`, or the parameters of the class. `name` is
+        the table's, for messages; the file's path is relative to `folder`, a path.
         """
         if "file" not in table:
             return super().from_table(name, table, folder)
