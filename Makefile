@@ -56,7 +56,7 @@ bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minut
 
 bench-full: bench  ## the slow tests, and the benchmarks that take longer
 	$(BIN)/python -m pytest -m slow
-	@set -e; for script in fine_reference.py eulerian.py estimates.py hard_cases.py practical_blocks.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
+	@set -e; for script in fine_reference.py band_survival.py eulerian.py estimates.py hard_cases.py practical_blocks.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
 
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/validation.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
