@@ -83,14 +83,12 @@ ALLOWED = {
     "docs/numerics.md": {
         **dict.fromkeys(("108", "256"), "cells of the finest mesh, exploratory paths; in the code"),
         **dict.fromkeys((".42", "1.5"), "factors of the estimate, in the code"),
-        ".163": "the smallest restitution under white noise, docs/theory.md",
     },
     "docs/howto/large_and_rare.md": {"1e-8": "reach of splitting, as docs/gallery/low_noise.json"},
     "docs/monte_carlo.md": {
         "1e-12": "bound in tests/montecarlo",
         "3.5e-5": ".35 in units of 1e-4 in the file that is linked",
         ".075": "length of an interval, in the code",
-        ".163": "the smallest restitution under white noise, docs/theory.md",
     },
     "docs/paper.md": {
         "727": PAGES_OF_THE_PAPER,
