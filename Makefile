@@ -51,12 +51,12 @@ wheel: $(STAMP)  ## source distribution and its wheel, into dist, and a run of t
 	cd build/clean && env -u PYTHONPATH bin/fpk-rocking compare main --cycles 2 --realizations 5000 --tol 1e-2 --out out
 
 bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minutes
-	@set -e; for script in cold_start density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+	@set -e; for script in cold_start density monte_carlo band_survival white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
 	$(BIN)/python benchmarks/practical_blocks.py --scenes 3 --paths 40000
 
 bench-full: bench  ## the slow tests, and the benchmarks that take longer
 	$(BIN)/python -m pytest -m slow
-	@set -e; for script in fine_reference.py band_survival.py eulerian.py estimates.py hard_cases.py practical_blocks.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
+	@set -e; for script in fine_reference.py eulerian.py estimates.py hard_cases.py practical_blocks.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
 
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/validation.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
