@@ -261,7 +261,7 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
     measure : str
         "PGA", "PGV" or "scale".
     at_one : bool
-        Whether the scale is that measure, as in a `fpk_rocking.studies.Fragility`, so that critical ones are no factors.
+        Whether the scale is that measure, as in a `fpk_rocking.studies.Fragility`, so that critical ones are none.
     """
     lines = []
     unit = "" if measure == "scale" else f" {measure_of(measure).unit}"

@@ -186,6 +186,8 @@ class IntensityCurve(Result):
         first = int(begun.argmax()) if begun.any() else places.size - 1
         low, high = (self._joined(places[first:], side[first:], intensity) for side in interval.T)
         share = self._joined(places, share, intensity)
+        if self.jumps.size:
+            share = np.where(intensity < places[0], 0.0, share)
         return np.minimum(low, share), np.maximum(high, share)
 
     @property
@@ -411,8 +413,8 @@ def _steps(jumps):
     """Intensities (k,), just before each of the jumps (r, b, k) and at it, and the share that overturns there."""
     signs = np.broadcast_to(1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2), jumps.shape)
     finite = np.isfinite(jumps)
-    order = np.argsort(jumps[finite], kind="stable")
-    places, rises = jumps[finite][order], signs[finite][order] / (jumps.shape[0] * jumps.shape[1])
+    places, number = np.unique(jumps[finite], return_inverse=True)
+    rises = np.bincount(number, signs[finite], places.size) / (jumps.shape[0] * jumps.shape[1])
     share = np.cumsum(rises)
     pairs = np.stack([(1.0 - 1e-9) * places, places], axis=-1), np.stack([share - rises, share], axis=-1)
     return tuple(np.clip(values.ravel()[1:], 0.0, np.inf) for values in pairs)
