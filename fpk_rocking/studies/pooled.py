@@ -25,8 +25,8 @@ from fpk_rocking.studies.motions import intensity_of, measure_of
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
 
-_TESTED = 48
-"""Most intensities at which a fit to outcomes without noise is tested."""
+_TESTED = np.linspace(-2.5, 2.5, 41)
+"""Where a fit to outcomes without noise is tested if some motions stand in the end, in dispersions from its median."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -341,7 +341,8 @@ class IntensityCurve(Result):
             else:
                 capacities = Capacities.of_jumps(rows, ends, motion)
                 places, share = _steps(common["jumps"])
-                steps = places[places <= common["reach"]], share[places <= common["reach"]]
+                known = places <= common["reach"]
+                steps = places[known], share[known], common["reach"]
             values = {} if draws is None else draws.values
             suite = _of_suite(capacities, intensity, shares, trials, values, samples, rng, steps)
             return cls(**common, **suite | _named(suite, records.size))
@@ -366,12 +367,12 @@ def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng, steps)
 
     `capacities` are those of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
     realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. `steps`:
-    intensities (k,) at which an outcome changes and the mean there, None of samples; the fit and its test are then by
-    these. "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
+    intensities (k,) at which an outcome changes, the mean there, and up to where they are known; None of samples.
+    "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
     """
     mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
     fields = {"probability": mean, "units": units, "replicates": np.empty((0, 2)), "interval": _binomial(mean, units)}
-    places, share = (intensity, mean) if steps is None else steps
+    places, share, reach = (intensity, mean, math.inf) if steps is None else steps
     fit = fit_lognormal(intensity, mean) if steps is None else LognormalFit()
     if not fit.reason and capacities.complete.size < 2:
         where = "within these intensities" if steps is None else "for good"
@@ -385,9 +386,11 @@ def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng, steps)
         fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
     if steps is not None:
         fit = LognormalFit(*capacities.moments(population))
-        fit = fit._replace(misfit=float(np.abs(fit(places) - share).max()))
-        some = np.unique(np.linspace(0, places.size - 1, _TESTED).astype(int))
-        places, share = places[some], share[some]
+        fit = fit._replace(misfit=float(np.abs(fit(places) - share).max(initial=0.0)))
+        # Apart from the jumps: those of simulated suites lie elsewhere, and a distance is largest at a jump.
+        places, known = fit.median * np.exp(fit.dispersion * _TESTED), places
+        places = places[places <= reach]
+        share = np.append(0.0, share)[np.searchsorted(known, places, side="right")]
     p_value = capacities.p_value(np.log(places), share, trials, rng)
     fit = _with_intervals(fit._replace(p_value=p_value), fields["replicates"])
     if not fit.rejected:
