@@ -357,6 +357,9 @@ def test_the_table_of_motions_and_the_curve_agree():
     median = math.exp(np.log(table["equivalent_intensity"]).mean())
     assert curve.fit.median == pytest.approx(median, rel=1e-12)
     assert curve.fit.dispersion == pytest.approx(np.log(table["equivalent_intensity"]).std(ddof=1), rel=1e-9)
+    grid = np.exp(np.arange(math.log(0.1), math.log(10.0), 1e-4))
+    over = result.critical.overturned(grid).sum(axis=1) * 1e-4
+    assert np.log(grid[-1] / table["equivalent_intensity"]) == pytest.approx(over, abs=2e-3)
     least, most = (
         (table[name] <= curve.intensity[:, None]).mean(axis=1) for name in ("always_intensity", "critical_intensity")
     )
