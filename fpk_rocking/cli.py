@@ -6,6 +6,7 @@ what the machine refuses, 130 when interrupted, 143 when terminated. Files are c
 
 import argparse
 import json
+import shlex
 import sys
 import time
 
@@ -43,6 +44,7 @@ def main(arguments=None) -> int:
         Exit status: 0, 2 for bad input or what the machine refuses, 130 when interrupted, 143 when terminated.
     """
     options, begun = _parser().parse_args(arguments), time.time()
+    options.typed = shlex.join(["fpk-rocking", *(sys.argv[1:] if arguments is None else map(str, arguments))])
     try:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
             if getattr(options, "out", None):
@@ -226,7 +228,7 @@ def _fragility(options):
     shown, values = result, result.summary()
     if draws is not None or (options.records and len(scenes) > 1):
         # The saved result keeps the rows of each scene; what is looked at is the curve over all of them.
-        shown = IntensityCurve.of(result, "scale", draws=draws)
+        shown = IntensityCurve.of(result, result.measure, draws=draws)
         values |= {"pooled": shown.summary()}
     if options.out:
         result.save(options.out / "result.npz")
@@ -234,7 +236,7 @@ def _fragility(options):
         write_json(options.out / "summary.json", values)
         _fragility_figure(options.out / "fragility.png", shown)
     table = result.motion_table if draws is None else motion_table(motions)
-    lines = motion_lines(table, "scale") if options.records else ()
+    lines = motion_lines(table, result.measure, at_one=True) if options.records else ()
     _print(options, shown, values, lambda: fragility_table(result) if shown is result else curve_table(shown, lines))
 
 
@@ -258,7 +260,7 @@ def _risk(options):
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.risk.study import study
 
-    intensities = numbers("--intensities", options.intensities)
+    intensities = None if options.intensities is None else numbers("--intensities", options.intensities)
     records = options.records or ()
     if options.synthetic:
         from fpk_rocking.studies.drawing import synthetic_records
@@ -279,7 +281,7 @@ def _risk(options):
             **passed(options, "workers", "store"),
         )
     if options.out:
-        result.write(options.out)
+        result.write(options.out, options.typed)
         if result.not_for_pelicun:
             missing = f"{result.name}.csv and {result.name}.json for pelicun are not written"
             sys.stderr.write(f"fpk-rocking risk: {missing}: {result.not_for_pelicun}\n")

@@ -30,7 +30,7 @@ examples:
       two saved results
   fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
       probability of overturning against the scale of the shaking, with a lognormal fit
-  fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --intensities 0.1:3:12 --out results/risk
+  fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --out results/risk
       annual rate of overturning, with curves that OpenQuake and pelicun read
   fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
@@ -98,7 +98,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --synthetic N:int       in place of records: as many synthetic motions on firm ground
 --hazard FILE|K0:K      file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard
                         K0 im^-K; without one there is a curve and no rate
---intensities LIST!     intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
+--intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default: 12 over the
+                        range in which the motions overturn the block)
 --measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
 --units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
 --baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
@@ -108,8 +109,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 """
 """Every argument of the command line: name, what stands for its value with the type, and help.
 
-Without what stands for a value it is a switch. After it, + means one value or more, * that the option may be repeated,
-! that it is required.
+Without what stands for a value it is a switch. After it, + means one value or more, * that the option may be repeated.
 """
 
 
@@ -121,11 +121,11 @@ def arguments_by_name():
     """Return a dict of keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
     arguments: dict[str, dict[str, Any]] = {}
     types = {"int": int, "float": float, "path": pathlib.Path, "": None}
-    marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "!": {"required": True}, "": {}}
+    marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "": {}}
     for entry in re.split(r"\n(?=\S)", _OPTIONS.strip()):
         head, text = re.split(r"\s{2,}", entry, maxsplit=1)
         name, _, form = head.partition(" ")
-        metavar, kind, mark = re.fullmatch(r"(.*?)(?::(int|float|path))?([+*!]?)", form).groups("")
+        metavar, kind, mark = re.fullmatch(r"(.*?)(?::(int|float|path))?([+*]?)", form).groups("")
         own = {"metavar": metavar, "type": types[kind]} if form else {"action": "store_true", "default": None}
         arguments[name] = {"help": " ".join(text.split())} | own | marks[mark]
     return arguments

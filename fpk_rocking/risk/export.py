@@ -12,6 +12,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
 from fpk_rocking.base.files import write_text
+from fpk_rocking.results.trust import Trust
 from fpk_rocking.studies.pooled import IntensityCurve
 
 _TAKEN = "risk", "curve", "motions"
@@ -21,7 +22,9 @@ NAMES = rf"(?!(?:{'|'.join(_TAKEN)})$)[A-Za-z0-9_-]{{1,75}}"
 """Regular expression of a name that the formats take."""
 
 
-def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description: str = "") -> None:
+def to_nrml(
+    path: File, curves: Sequence[IntensityCurve], name: str, description: str = "", trust: Trust | None = None
+) -> None:
     """Write curves as the limit states of one fragility function in OpenQuake's NRML 0.5.
 
     The function is continuous (lognormal) where each curve has a lognormal fit that is not rejected, else discrete: the
@@ -37,6 +40,8 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
         Identifier of the function, which an exposure model refers to: letters, digits, ``_`` and ``-``.
     description : str
         For a reader; by default how the curves were made.
+    trust : Trust, optional
+        Verdict that follows the description; by default that of the last curve.
 
     Raises
     ------
@@ -59,7 +64,7 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     states = [_identifier(curve.name) for curve in curves]
     root = ET.Element("nrml", xmlns="http://openquake.org/xmlns/nrml/0.5")
     model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
-    ET.SubElement(model, "description").text = description or curves[-1].describe()
+    ET.SubElement(model, "description").text = _described(curves[-1], description, trust)
     ET.SubElement(model, "limitStates").text = " ".join(states)
     fitted = all(curve.fitted for curve in curves)
     kind: dict[str, str] = {"format": "continuous", "shape": "logncdf"} if fitted else {"format": "discrete"}
@@ -87,7 +92,7 @@ def to_nrml(path: File, curves: Sequence[IntensityCurve], name: str, description
     write_text(path, '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n")
 
 
-def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = "") -> None:
+def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = "", trust: Trust | None = None) -> None:
     """Write a curve as a row of pelicun's fragility table (CSV), with its description beside it (JSON).
 
     Lognormal where the curve has a fit that is not rejected, else the points (``multilinear_CDF``).
@@ -101,6 +106,9 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
         Identifier of the component: letters, digits, ``_`` and ``-``.
     description : str
         For a reader; by default how the curve was made.
+    trust : Trust, optional
+        Verdict, a column of the table and a part of the description, which pelicun passes over; by default that of the
+        curve.
 
     Raises
     ------
@@ -130,13 +138,21 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
         points = _distribution(curve)
         first = '"' + "|".join(",".join(map(repr, values.tolist())) for values in points) + '"'
     header = "ID,Incomplete,Demand-Type,Demand-Unit,Demand-Offset,Demand-Directional,LS1-Family,LS1-Theta_0,LS1-Theta_1"
-    row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},"
-    write_text(path, f"{header},LS1-DamageStateWeights\n{row}\n")
+    trust = trust or curve.trust
+    row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},,{trust.verdict}"
+    write_text(path, f"{header},LS1-DamageStateWeights,Verdict\n{row}\n")
     about = {
-        "Description": description or curve.describe(),
+        "Description": _described(curve, description, trust),
+        "Verdict": trust.plain,
         "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
     }
     write_text(pathlib.Path(path).with_suffix(".json"), json.dumps({name: about}, indent=2) + "\n")
+
+
+def _described(curve, description, trust):
+    """Return a description of a curve, by default its own, with a verdict, by default its own."""
+    trust = trust or curve.trust
+    return f"{description or curve.describe()} Verdict: {trust.verdict}. {' '.join(trust.reasons)}"
 
 
 def _same(curves):

@@ -20,6 +20,8 @@ class Hazard:
         Intensities in the unit of the curve they are used with (g or m/s), ascending, above 0, at least two.
     rate : array_like, shape (n,)
         Annual rate of exceedance at each, 1/year, above 0, descending.
+    source : str
+        Where it is from, such as the name of a file.
 
     Raises
     ------
@@ -36,6 +38,7 @@ class Hazard:
 
     intensity: np.ndarray
     rate: np.ndarray
+    source: str = ""
 
     def __post_init__(self):
         for name in ("intensity", "rate"):
@@ -113,7 +116,8 @@ class Hazard:
         if not rows:
             raise ValueError(f"{path}: got no numbers, accepted: lines of an intensity and a rate")
         try:
-            return cls(*np.array(rows).T)
+            intensity, rate = np.array(rows).T
+            return cls(intensity, rate, file.name)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 

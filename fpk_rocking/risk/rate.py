@@ -29,8 +29,8 @@ class Risk(Result):
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits from the sample of the fragility: its replicates, or, of points, all of their lower or upper limits
-        at once, which is wider. The hazard is taken as exact.
+        95 % limits from the sample of the fragility: its replicates, or, where there is no fit, those of all its
+        probabilities at once (`IntensityCurve.limits`). The hazard is taken as exact.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
@@ -38,9 +38,9 @@ class Risk(Result):
     beyond_hazard : float
         Share of λ from intensities below or above the points of the hazard, to which its last power laws go on.
     beyond_curve : float
-        Share of λ from intensities below or above those of the fragility.
+        Share of λ from intensities below or above those of the fragility; 0 without noise.
     below_curve : float
-        Share of λ from intensities below those of the fragility, to which its curve goes on.
+        Share of λ from intensities below those of the fragility, to which its curve goes on; 0 without noise.
     curve : IntensityCurve
     hazard : Hazard
 
@@ -98,16 +98,15 @@ class Risk(Result):
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
             "the fragility": (self.beyond_curve, lognormal if fitted else points),
         }
-        return [
-            Diagnostic(
-                CAUTION if share <= 0.5 else UNUSABLE,
-                f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where "
-                f"{continued}: give more of them.{self._other_unit() if share > 0.5 else ''}",
-                what,
-            )
-            for what, (share, continued) in beyond.items()
-            if share > 0.05
-        ]
+        against = []
+        for what, (share, continued) in beyond.items():
+            text = f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, "
+            text += f"where {continued}"
+            unit = self._other_unit() if share > 0.5 and what == "the hazard curve" else ""
+            text = f"{unit} {text}." if unit else f"{text}: give more of them."
+            if share > 0.05:
+                against.append(Diagnostic(CAUTION if share <= 0.5 else UNUSABLE, text, what))
+        return against
 
     def _other_unit(self):
         """Return a question, whether the hazard is in another unit, where that would fit its points; else empty."""
@@ -119,7 +118,7 @@ class Risk(Result):
             # The strongest recorded motions have less than 5 g, the fastest some 3 m/s.
             if high / factor <= 10.0 and beyond <= 0.5:
                 return (
-                    f" Are the intensities of the hazard in {unit}? They were read in {self.curve.unit}, as {low:.4g} "
+                    f"Are the intensities of the hazard in {unit}? They were read in {self.curve.unit}, as {low:.4g} "
                     f"to {high:.4g}; in {unit} they are {low / factor:.4g} to {high / factor:.4g} {self.curve.unit}."
                 )
         return ""
@@ -142,13 +141,14 @@ class Risk(Result):
             "the lognormal curve" if self.curve.fitted and not self.curve.refined else "the points, joined by lines"
         )
         through = "all intensities at which each motion overturns the block" if self.curve.jumps.size else through
-        at_once = " (all points at their lower, or all at their upper limits, which is wider than the limits of a fit)"
+        at_once = " (all probabilities at their lower, or all at their upper limits, as there is no fit)"
         wide = "" if self.curve.fitted else at_once
         limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
         text = (
-            f"{self.title}{self._periods}. By {through}{limits}. The hazard and the model of the block count as known. "
-            f"Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
+            f"{self.title}{self._periods}. By {through}{limits}. The hazard and the model of the block count as known."
         )
+        if not self.curve.jumps.size:
+            text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]
 
     @property
@@ -279,7 +279,7 @@ def _by_jumps(curve, hazard, limits):
     rates, lowest = above(0.0), np.nanmin(curve.jumps)
     rate = float(rates.mean())
     # The limits are those of the population's curve; the mean over these motions is a point of them.
-    limits = min(limits[0], rate), max(limits[1], rate)
+    limits = (rate, rate) if curve.units == 1 else (min(limits[0], rate), max(limits[1], rate))
     ends = []
     for part in (1.0 - 5e-4, 5e-4):
         left, right = math.log(lowest), math.log(lowest) + _TAIL * math.log(10.0) / hazard.exponents.min()
@@ -289,10 +289,8 @@ def _by_jumps(curve, hazard, limits):
         ends.append(right)
     edges = np.exp(np.linspace(ends[0], ends[1], 25))
     share = np.array([above(edge).mean() for edge in edges]) / rate
-    points = *hazard.intensity[[0, -1]], *curve.intensity[[0, -1]]
-    first, last, least, most = (above(point).mean() / rate for point in points)
-    below = 1.0 - least
-    return Risk(rate, limits, edges, -np.diff(share), 1.0 - first + last, most, below, curve, hazard)
+    first, last = (above(point).mean() / rate for point in hazard.intensity[[0, -1]])
+    return Risk(rate, limits, edges, -np.diff(share), 1.0 - first + last, 0.0, 0.0, curve, hazard)
 
 
 def rate_text(rate: float) -> str:
@@ -301,19 +299,23 @@ def rate_text(rate: float) -> str:
 
 
 def _edges(curve, hazard):
-    """Return edges (n + 1,) in ln(intensity), points of `Hazard` and curve among them, of Gauss-Legendre rules."""
+    """Return edges (n + 1,) in ln(intensity) of Gauss-Legendre rules.
+
+    Points of the `hazard`, a `Hazard`, are among them, and those of a `curve`, an `IntensityCurve`, without a fit.
+    """
+    places = curve.outcomes[0]
     steep, gentle = hazard.exponents.max(), hazard.exponents.min()
     points = np.log(hazard.intensity)
     spread = curve.tail
     # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
-    low = math.log(curve.fit.median if curve.fitted else curve.intensity[0]) - steep * spread**2 - _TAIL * spread
+    low = math.log(curve.fit.median if curve.fitted else places[0]) - steep * spread**2 - _TAIL * spread
     high = _TAIL * math.log(10.0) / gentle
     if curve.fitted:
         high += math.log(curve.fit.median) + _TAIL * spread
     else:
-        high += math.log(curve.intensity[-1])
+        high += math.log(places[-1])
     if curve.refined or not curve.fitted:
-        points = np.concatenate([points, np.log(curve.intensity)])
+        points = np.concatenate([points, np.log(places)])
     width = min(0.25 * spread, 1.0 / steep)
     points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
     parts = [
@@ -347,7 +349,7 @@ def _limits(curve, hazard, edges):
         return math.nan, math.nan
     y, weights = _gauss(edges)
     density = weights * _density(np.ones_like, hazard, y)
-    low, high = (float(density @ curve.along(side, np.exp(y))) for side in curve.interval.T)
+    low, high = (float(density @ side) for side in curve.limits(np.exp(y)))
     return low, high
 
 

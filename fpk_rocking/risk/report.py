@@ -32,7 +32,7 @@ _LEFT = (
 )
 
 
-def write_risk_report(path: File, study: Any) -> int:
+def write_risk_report(path: File, study: Any, command: str = "") -> int:
     """Write the report of a study of risk as one HTML file, complete or not at all.
 
     Parameters
@@ -40,6 +40,8 @@ def write_risk_report(path: File, study: Any) -> int:
     path : str or pathlib.Path
         By custom with the suffix .html.
     study : Study
+    command : str
+        That made the study, if it was one.
 
     Returns
     -------
@@ -48,17 +50,20 @@ def write_risk_report(path: File, study: Any) -> int:
     """
     risk, curve, scenes = study.risk, study.curve, study.motions
     title = f"{study.name}: {study.title}"
-    lines = motion_lines(study.table(), curve.measure)  # the table of the motions says the same
+    # The table of the motions says the same.
+    lines = [*motion_lines(study.table(), curve.measure), study.about_critical]
     first, *words = (text for text in study.text().splitlines() if not text.startswith("trust: "))
     parts = [
         f"<p>{html.escape(_untitled(first, study.title))}</p>",
         study.trust.html,
+        f"<p>{html.escape(study.origin())}</p>",
         "<h2>Block</h2>",
         _block(study.scene, study.draws),
         "<h2>Motions</h2>",
         f"<p>{_motions_text(study)}</p>",
         _picture(lambda figure, axes: draw_motions(axes, study.recorded, figure), "Accelerations of the motions"),
         table_html(_motions(study)),
+        f"<p>{html.escape(study.about_critical)}</p>",
         f"<h2>P({html.escape(curve.name)})</h2>",
         _picture(lambda _, axes: draw_curve(axes, curve, study.records), "Probability against intensity"),
         "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in lines),
@@ -67,6 +72,8 @@ def write_risk_report(path: File, study: Any) -> int:
         *(_hazard(risk) if risk else ()),
         "<h2>What is left out</h2>",
         f"<p>{html.escape(left_out(scenes, scatter=not _scatters(study.draws)))} {_LEFT}</p>",
+        "<h2>How it was made</h2>",
+        f"<p>{html.escape(study.origin(command))}</p>",
         "<h2>How to cite</h2>",
         f"<p>{html.escape(_CITE.format(version=importlib.metadata.version('fpk-rocking')))}</p>",
         f"<details><summary>Scene but for its motions</summary><pre>{_without_forcing(study.scene)}</pre></details>",
@@ -203,7 +210,9 @@ def _motions(study):
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
     names |= {"peak_rotation": "largest |θ|/α", "critical_scale": "critical scale"}
-    names["critical_intensity"] = f"critical {curve.measure}, {curve.unit}"
+    unit = f"{curve.measure}, {curve.unit}"
+    names |= {"critical_intensity": f"critical {unit}", "always_intensity": f"always from {unit}"}
+    names["equivalent_intensity"] = f"equivalent {unit}"
     events = [getattr(scene.forcing, "event", "") for scene in study.recorded]
     named = [", ".join(filter(None, pair)) for pair in zip(table["motion"].tolist(), events, strict=True)]
     head = {"motion": np.array(named), "seconds": _digits(lasting)}

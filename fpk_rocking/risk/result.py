@@ -1,6 +1,8 @@
 """The result of `study`: fragility and annual rate of a block under several motions, and the files to hand on."""
 
 import dataclasses
+import datetime as dt
+import importlib.metadata
 import json
 import math
 import pathlib
@@ -18,8 +20,9 @@ from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.export import NAMES, not_for_pelicun, to_nrml, to_pelicun
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import CriticalIntensities, factor_diagnostics, motion_table
+from fpk_rocking.studies.critical import CriticalIntensities, critical_text, factor_diagnostics, motion_table
 from fpk_rocking.studies.drawing import Draws
+from fpk_rocking.studies.jumps import FARTHEST
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.motions import intensity_of, motion_lines
 from fpk_rocking.studies.pooled import IntensityCurve
@@ -155,8 +158,17 @@ class Study(Result):
     def remarks(self) -> tuple[str, ...]:
         """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
         few = f"{self.curve.records} motions are few: 30 are needed to rely on the scatter between them."
-        remarks = [few * (1 < self.curve.records < MANY), self._of_correction()]
+        remarks = [few * (1 < self.curve.records < MANY), self._standing(), self._of_correction()]
         return (*self.curve.remarks, *filter(None, remarks))
+
+    def _standing(self):
+        """Return the names of the motions under which the block stands at the end of the search; empty for none."""
+        suite = self.critical
+        if suite is None or np.isfinite(suite.always).all():
+            return ""
+        names = ", ".join(name for name, always in zip(suite.names, suite.always, strict=True) if math.isinf(always))
+        end = f"at {FARTHEST:,.0f} times the acceleration that lifts it off, where the search ends"
+        return f"The block stands {end}, under {names}. For the limits, such a motion overturns it above that."
 
     def _of_correction(self):
         """Return what the correction of the baselines changes of probabilities and rate, a text; empty without one."""
@@ -199,7 +211,18 @@ class Study(Result):
             moved = f"the last of them moved the rate by {100.0 * self.moved:.2g} %"
             lines.append(f"{self.added} intensities were added where the rate comes from; {moved}.")
         lines += [text for text in self.remarks if text not in self.trust.reasons]
-        return "\n".join([*lines, *self._ordered(), *motion_lines(self.table(), curve.measure)])
+        lines += self._ordered()
+        lines += filter(None, [self.about_critical])
+        return "\n".join([*lines, *motion_lines(self.table(), curve.measure)])
+
+    @property
+    def about_critical(self) -> str:
+        """What the critical intensities of the table are, as sentences; empty with noise."""
+        if self.critical is None:
+            return ""
+        return "Of the block without its uncertain values: " * (self.draws is not None) + critical_text(
+            self.curve.measure
+        )
 
     def _ordered(self):
         """Return the deviances of intensity measures as a sentence in a list, empty for one motion."""
@@ -252,7 +275,21 @@ class Study(Result):
         """Why pelicun could not take the curve, as a text; empty where it can."""
         return not_for_pelicun(self.curve)
 
-    def write(self, folder: File) -> None:
+    def origin(self, command: str = "") -> str:
+        """Return date, version, hazard and the command that made a study, as a line of text.
+
+        Parameters
+        ----------
+        command : str
+            As it was typed; empty of a study in Python.
+        """
+        version, today = importlib.metadata.version("fpk-rocking"), dt.datetime.now(dt.UTC).date()
+        text = f"Made on {today} by fpk-rocking {version}"
+        source = self.risk.hazard.source if self.risk else ""
+        text += f" with the hazard of {source}" * bool(source)
+        return f"{text}{f': {command}' if command else '.'}"
+
+    def write(self, folder: File, command: str = "") -> None:
         """Write report.html, risk.png, risk.txt, risk.json, result.npz, curve.csv, motions.csv, NAME.xml, .csv, .json.
 
         Parameters
@@ -262,6 +299,8 @@ class Study(Result):
             pelicun's; pelicun's files are left out where it could not take the curve: `not_for_pelicun` says why, and
             so does risk.json. Files for other programs that an earlier call left there, which risk.json lists, are
             removed.
+        command : str
+            Command that made the study, for report.html, risk.txt and risk.json.
         """
         from fpk_rocking.risk.report import risk_figure, write_risk_report
 
@@ -270,15 +309,16 @@ class Study(Result):
         self.fragility.save(out / "result.npz")
         self.curve.to_csv(out / "curve.csv")
         self.to_csv(out / "motions.csv")
-        to_nrml(out / f"{self.name}.xml", [self.curve], self.name)
+        to_nrml(out / f"{self.name}.xml", [self.curve], self.name, trust=self.trust)
         refused = self.not_for_pelicun
         if not refused:
-            to_pelicun(out / f"{self.name}.csv", self.curve, self.name)
+            to_pelicun(out / f"{self.name}.csv", self.curve, self.name, trust=self.trust)
         exports = [f"{self.name}.{kind}" for kind in ("xml", *(() if refused else ("csv", "json")))]
-        write_json(out / "risk.json", self.summary() | {"pelicun": refused or f"{self.name}.csv", "exports": exports})
-        write_text(out / "risk.txt", self.text() + "\n")
+        files = {"pelicun": refused or f"{self.name}.csv", "exports": exports, "origin": self.origin(command)}
+        write_json(out / "risk.json", self.summary() | files)
+        write_text(out / "risk.txt", f"{self.text()}\n{self.origin(command)}\n")
         risk_figure(out / "risk.png", self)
-        write_risk_report(out / "report.html", self)
+        write_risk_report(out / "report.html", self, command)
 
 
 def _remove_exports(folder):

@@ -11,6 +11,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress, not_none
 from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.noise.kinds import NoNoise
 from fpk_rocking.risk.export import check_name
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.risk.rate import Risk, annual_frequency
@@ -30,6 +31,9 @@ FEWEST_RECORDS = 5
 BLOCKS = 100
 """Blocks that are drawn for all motions together: a dispersion that they give has a standard error of a tenth of β."""
 
+STEP = 1.4
+"""Factor between intensities that are added above those asked for."""
+
 CLOSEST, MOST_INTENSITIES = 0.02, 64
 """Intensities are added no closer in the logarithm than this to others, up to so many, or twice those asked for."""
 
@@ -38,7 +42,7 @@ def study(
     scene: Scene,
     records: Sequence[Forcing | File],
     hazard: Hazard | File | None,
-    intensities: ArrayLike,
+    intensities: ArrayLike | None = None,
     *,
     measure: str = "PGV",
     units: str | None = None,
@@ -68,10 +72,11 @@ def study(
     hazard : Hazard, str or pathlib.Path, or None
         In the unit of the measure; or a file that `Hazard.from_csv` reads. With None there is a curve and no rate, and
         no intensities are added.
-    intensities : array_like
-        Intensities, ascending, in g or m/s. With noise others are added where the rate comes from, until they move it
-        by less than 1 %, and the rate is by the points; without noise the rate does not depend on them, and the largest
-        ends the search.
+    intensities : array_like, optional
+        Intensities at which the curve is computed, in g or m/s; by default twelve from half of the lowest at which a
+        motion overturns the block without noise to above the highest. With noise and a hazard others are added: up to
+        where each motion overturns the block without noise, and where the rate comes from, until they move it by less
+        than 1 %; the rate is by the points. Without noise neither rate nor limits depend on them.
     measure : str
         "PGV" (in m/s) or "PGA" (in g).
     units : str, optional
@@ -130,7 +135,6 @@ def study(
     at_one = [at_intensity(shaken, measure, noise=scale_noise) for shaken in scenes]
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
-    asked = np.sort(np.asarray(intensities, float))
     options: dict[str, Any] = {"realizations": realizations, "scale_noise": scale_noise, "workers": workers}
 
     def sample(scale, number, scenes=at_one):
@@ -146,7 +150,18 @@ def study(
         curve = IntensityCurve.of(curves, measure, draws=draws, samples=1)
         return annual_frequency(dataclasses.replace(curve, refined=True), not_none(exceeded))
 
-    curves, added, moved = (sample(asked, 0), 0, 0.0) if exceeded is None else refined(sample, risk_of, asked)
+    asked = None if intensities is None else np.sort(np.asarray(intensities, float))
+    if all(shaken.deterministic for shaken in scenes):
+        curves, added, moved = sample(np.ones(1) if asked is None else asked, 0), 0, 0.0
+        if asked is None:
+            curves = curves.at_scales(_range(not_none(curves.critical)))
+    else:
+        calm = None if asked is not None and exceeded is None else _without_noise(scenes, measure, workers)
+        asked = _range(not_none(calm)) if asked is None else asked
+        if exceeded is None:
+            curves, added, moved = sample(asked, 0), 0, 0.0
+        else:
+            curves, added, moved = refined(sample, risk_of, asked, _above(asked[-1], not_none(calm)))
     curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws), None
     curve = dataclasses.replace(curve, refined=exceeded is not None and curves.motions is None)
     if curves.motions is not None and draws is None and corrected(scenes):
@@ -168,6 +183,30 @@ def study(
     )
 
 
+def _without_noise(scenes, measure, workers):
+    """Return the `CriticalIntensities` of scenes (a list) without their noise."""
+    calm = [
+        dataclasses.replace(shaken, noise=NoNoise(), start=dataclasses.replace(shaken.start, covariance=None))
+        for shaken in scenes
+    ]
+    return critical_intensities(calm, measure=measure, workers=workers)
+
+
+def _range(critical):
+    """Return twelve intensities over the range in which motions overturn a block, by its `CriticalIntensities`."""
+    low, high = critical.critical.min(), critical.equivalent[np.isfinite(critical.equivalent)].max(initial=0.0)
+    if math.isinf(low):
+        accepted = "a list of them, as no motion overturns the block without noise"
+        raise ValueError(checks.refusal("intensities", None, accepted))
+    return np.geomspace(0.5 * low, 1.25 * max(low, high), 12)
+
+
+def _above(highest, critical):
+    """Return intensities (k,) above the highest one asked for, up to where each motion overturns without noise."""
+    top = critical.equivalent[np.isfinite(critical.equivalent)].max(initial=highest)
+    return highest * STEP ** np.arange(1.0, math.ceil(math.log(top / highest) / math.log(STEP)) + 1.0)
+
+
 def _store_of(store, number):
     """Return the path of the file that keeps the rows of the round of a `number`: `store` for 0, others beside it.
 
@@ -184,16 +223,18 @@ def _critical(scenes, measure, curves, draws):
 
     `curves`: the `Fragility` of the scenes at equal intensities of the `measure`; `draws`: drawn blocks, or None.
     """
-    highest = float(curves.scale[-1])
     if curves.motions is None or draws is not None:
-        return None if curves.motions is None else critical_intensities(scenes, measure=measure, highest=highest)
+        return None if curves.motions is None else critical_intensities(scenes, measure=measure)
     # Up to an intensity this low nothing is searched for: what each motion does at its own scale is left.
-    own = critical_intensities(scenes, measure=measure, highest=1e-9 * highest)
-    return dataclasses.replace(own, highest=highest, jumps=curves.motions.jumps[:, 0].copy())
+    own = critical_intensities(scenes, measure=measure, highest=1e-12)
+    return dataclasses.replace(own, highest=math.inf, jumps=curves.motions.jumps[:, 0].copy())
 
 
 def refined(
-    sample: Callable[[Array, int], Fragility], risk_of: Callable[[Fragility], Risk], asked: Array
+    sample: Callable[[Array, int], Fragility],
+    risk_of: Callable[[Fragility], Risk],
+    asked: Array,
+    above: Sequence[float] = (),
 ) -> tuple[Fragility, int, float]:
     """Add intensities where the rate comes from, until a round of them moves it by less than `MOVED`.
 
@@ -205,18 +246,20 @@ def refined(
         Called with a `Fragility`; returns a `Risk`.
     asked : ndarray, shape (n,)
         Intensities to begin with, ascending.
+    above : sequence of float
+        Intensities above those, where some motions overturn the block first.
 
     Returns
     -------
     curves : Fragility
     added : int
-        Number of intensities that were added; 0 without noise, where the rate does not depend on them.
+        Number of intensities that were added.
     moved : float
         Part of the rate by which the last round moved it; inf where the rate is 0.
     """
     curves, rounds = sample(asked, 0), 0
-    if curves.motions is not None:
-        return curves, 0, 0.0
+    if len(above):
+        curves, rounds = _joined(curves, sample(np.asarray(above), 1)), 1
     risk, moved = risk_of(curves), math.inf
     while risk.rate > 0.0 and moved > MOVED and curves.scale.size < max(MOST_INTENSITIES, 2 * asked.size):
         more, rounds = _more_intensities(risk), rounds + 1

@@ -151,23 +151,21 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     noise = _noise_rms(scene.noise) * unit
     # The strongest recorded accelerations are below 4.5 g.
     strongest, weakest = 5.0 * STANDARD_GRAVITY, 0.1 * STANDARD_GRAVITY
-    forcing = scene.forcing
-    recorded = forcing.implausible if isinstance(forcing, Record) else []
-    sentences += recorded
-    if strongest < least * forcing.largest * unit < math.inf and not recorded:
-        value = least * forcing.largest * unit
-        # A record in g whose numbers are cm/s² was multiplied by 9.81 beforehand.
-        in_g = isinstance(forcing, Record) and forcing.units == "g"
-        meant = 1e-2 * value / (STANDARD_GRAVITY if in_g else 1.0)
-        sentences.append(
-            f"The peak acceleration of the forcing is {_in_both_units(value)}; was {meant:.4g} m/s² meant (cm/s²)?"
-        )
+    forcing, weak = scene.forcing, True
+    value = least * forcing.largest * unit
+    if isinstance(forcing, Record):
+        # Factors of a record, and a velocity that is that of a drift, say nothing of how its numbers were meant.
+        sentences += forcing.implausible
+        weak = forcing.drift.pga < weakest and not forcing.drifts
+    elif strongest < value < math.inf:
+        meant = f"was {1e-2 * value:.4g} m/s² meant (cm/s²)?"
+        sentences.append(f"The peak acceleration of the forcing is {_in_both_units(value)}; {meant}")
     if strongest < least * noise < math.inf:
         value = least * noise
         sentences.append(f"The rms of the noise is {_in_both_units(value)}; was {1e-2 * value:.4g} m/s² meant (cm/s²)?")
     peak, needed = most * scene.forcing.largest * unit, scene.block.lift_off * unit
     still = scene.start.angle == scene.start.velocity == 0.0 and scene.start.covariance is None
-    if still and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:
+    if still and weak and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:
         sentences.append(
             f"The peak acceleration of the forcing is {_in_both_units(peak)}, and this block lifts off above "
             f"{_in_both_units(needed)}: it does not move. Was {peak:.4g} g meant?"

@@ -20,6 +20,7 @@ import numpy as np
 import scipy
 
 from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.studies.jumps import equivalent_scale
 from fpk_rocking.studies.lognormal import fit_rows
 
 _SWEEPS = 25
@@ -64,14 +65,14 @@ class Capacities(NamedTuple):
     noise_error: float = 0.0
 
     @classmethod
-    def exact(cls, critical: ArrayLike, highest: float = math.inf, motion: ArrayLike | None = None) -> "Capacities":
+    def exact(cls, critical: ArrayLike, highest: ArrayLike = math.inf, motion: ArrayLike | None = None) -> "Capacities":
         """Return the `Capacities` of m rows, blocks under motions, without noise: logarithms of the critical scales.
 
         Parameters
         ----------
         critical : array_like, shape (m,)
             Scale at which each row overturns; inf for one that does not up to the highest.
-        highest : float
+        highest : float or array_like, shape (m,)
             Highest scale of the search.
         motion : array_like of int, shape (m,), optional
             Number of the motion of each; by default each has its own.
@@ -82,12 +83,12 @@ class Capacities(NamedTuple):
         """
         logs = np.log(np.asarray(critical, float))
         stands = np.isinf(logs)
-        low = np.where(stands, math.log(highest), logs)
+        low = np.where(stands, np.log(highest), logs)
         motion = np.arange(logs.size) if motion is None else np.unique(motion, return_inverse=True)[1]
         return cls(low, logs, np.where(stands, 0.0, logs), np.where(stands, math.inf, 0.0), motion)
 
     @classmethod
-    def of_jumps(cls, jumps: Array, highest: float, motion: ArrayLike) -> "Capacities":
+    def of_jumps(cls, jumps: Array, highest: Array, motion: ArrayLike) -> "Capacities":
         """Return the `Capacities` of m rows, blocks under motions, without noise, from all scales at which they change.
 
         A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
@@ -99,7 +100,7 @@ class Capacities(NamedTuple):
         jumps : ndarray, shape (m, k)
             Scales, ascending, from which a row overturns (the first, third, ...) or stands (the second, ...), nan
             behind the last.
-        highest : float
+        highest : ndarray, shape (m,)
             Highest scale of the search.
         motion : array_like of int, shape (m,)
             Number of the motion of each row.
@@ -108,10 +109,7 @@ class Capacities(NamedTuple):
         -------
         Capacities
         """
-        signs = 1.0 - 2.0 * (np.arange(jumps.shape[1]) % 2)
-        length = np.nansum(signs * np.log(highest / jumps), axis=1)
-        stands = np.isfinite(jumps).sum(axis=1) % 2 == 0
-        return cls.exact(np.where(stands, math.inf, highest * np.exp(-length)), highest, motion)
+        return cls.exact(equivalent_scale(jumps), highest, motion)
 
     @classmethod
     def of(cls, scale: Array, shares: Array, trials: int, motion: ArrayLike) -> "Capacities":

@@ -21,9 +21,36 @@ from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
-from fpk_rocking.studies.jumps import MotionOutcomes, first_scale, kernels_of, overturns, search
+from fpk_rocking.studies.jumps import (
+    FARTHEST,
+    MotionOutcomes,
+    equivalent_scale,
+    first_scale,
+    kernels_of,
+    last_scale,
+    overturns,
+    search,
+)
 from fpk_rocking.studies.motions import intensity_of, measure_of, measured, motion_names, recorded_scenes
 from fpk_rocking.studies.scenes import checked_scenes
+
+
+def critical_text(measure: str) -> str:
+    """Return what critical, always and equivalent intensities are, as sentences beside a table.
+
+    Parameters
+    ----------
+    measure : str
+        "PGA", "PGV" or "scale".
+    """
+    return (
+        f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
+        "at least. Above it the block may stand again, until it always overturns. P(overturned) is the share of the "
+        f"motions that overturn the block at a {measure}: it may be below the share of those whose critical {measure} "
+        f"is lower. A lognormal fit takes each motion at its equivalent {measure}: if the block always overturned "
+        f"above that, it would do so over as much of the logarithm of the {measure}."
+    )
+
 
 LARGEST_FACTOR = 5.0
 """Factor of a motion's own acceleration above which there is a caution."""
@@ -40,7 +67,7 @@ class CriticalIntensities(Saved, Result):
     measure : str
         "PGA" (in g), "PGV" (in m/s), or "scale".
     highest : float
-        Intensity up to which was searched.
+        Intensity up to which was searched; inf where the search went as far as it must, see `critical_intensities`.
     own : ndarray, shape (m,)
         Intensity of each motion at its own scale; 1 for "scale".
     jumps : ndarray, shape (m, k)
@@ -88,9 +115,23 @@ class CriticalIntensities(Saved, Result):
     def critical(self) -> Array:
         """Critical intensity of each motion, (m,): the lowest from which the block overturns over 1 % at least.
 
-        inf for a motion under which it stands up to `highest` (right-censored).
+        inf for a motion under which it stands up to the end of the search (right-censored).
         """
         return first_scale(self.jumps)
+
+    @property
+    def always(self) -> Array:
+        """Intensity of each motion from which the block overturns at all higher ones, (m,); inf where it stands."""
+        return last_scale(self.jumps)
+
+    @property
+    def equivalent(self) -> Array:
+        """Intensity of each motion that a lognormal fit is made of, (m,).
+
+        A block that overturned at all intensities above it would do so over as much of their logarithm as this one.
+        inf where it stands at the end of the search.
+        """
+        return equivalent_scale(self.jumps)
 
     @property
     def factor(self) -> Array:
@@ -145,7 +186,10 @@ class CriticalIntensities(Saved, Result):
     def title(self) -> str:
         """How many motions overturn the block, and the lowest intensity that does, as a line of text."""
         reached = self.critical[np.isfinite(self.critical)]
-        text = f"{reached.size} of {len(self.scenes)} motions overturn the block up to {self._text(self.highest)}"
+        end = f"up to {self._text(self.highest)}"
+        if math.isinf(self.highest):
+            end = f"up to {FARTHEST:,.0f} times the acceleration that lifts it off" * (reached.size < len(self.scenes))
+        text = f"{reached.size} of {len(self.scenes)} motions overturn the block {end}".rstrip()
         return text + f", the first at {self._text(reached.min())}" if reached.size else text
 
     def _text(self, intensity):
@@ -164,6 +208,8 @@ class CriticalIntensities(Saved, Result):
                 **{name: ("motion", peaks[name]) for name in ("pga_g", "pgv_m_per_s")},
                 "own_intensity": ("motion", self.own),
                 "critical_intensity": ("motion", self.critical),
+                "always_intensity": ("motion", self.always),
+                "equivalent_intensity": ("motion", self.equivalent),
                 "critical_scale": ("motion", self.factor),
                 "peak_rotation": ("motion", self.peak),
                 "overturn_time": ("motion", self.overturn_time),
@@ -190,9 +236,10 @@ class CriticalIntensities(Saved, Result):
 
             The motion with the weakest critical intensity is lowest; `axes` are matplotlib's, the figure is not used.
             """
+            end = min(self.highest, 1.25 * max(self.own.max(), np.nanmax(self.jumps, initial=0.0)))
             for place, number in enumerate(order):
                 row = self.jumps[number][np.isfinite(self.jumps[number])]
-                ends = np.append(row, self.highest) if row.size % 2 else row
+                ends = np.append(row, end) if row.size % 2 else row
                 axes.hlines(np.full(ends.size // 2, place), ends[::2], ends[1::2], color=COLOURS[0], linewidth=2.0)
             axes.plot(self.own[order], range(len(order)), "|", color="black", label="own intensity")
             axes.set(
@@ -270,7 +317,7 @@ def critical_intensities(
     scene: Scene | Sequence[Scene],
     motions: Sequence[Forcing | File] = (),
     *,
-    highest: float,
+    highest: float | None = None,
     measure: str = "PGV",
     units: str | None = None,
     baseline: str | None = None,
@@ -294,8 +341,9 @@ def critical_intensities(
         for each motion.
     motions : sequence of Record, str or pathlib.Path
         Motions, or files that `Record.from_file` reads.
-    highest : float
-        Largest intensity of the search, in the unit of the measure.
+    highest : float, optional
+        Largest intensity of the search, in the unit of the measure. By default the search goes on until the block
+        overturns at all intensities over a factor of 2, and up to 1,000 times the acceleration that lifts it off.
     measure : str
         "PGV" (in m/s), "PGA" (in g), or "scale" (the factor of the motion itself).
     units, baseline
@@ -332,7 +380,7 @@ def critical_intensities(
         raise ValueError(checks.refusal("motions", motions, "nothing beside several scenes, which have their own"))
     else:
         scenes = checked_scenes("scene", scene)
-    highest = checks.number("highest", highest, above=0.0)
+    highest = None if highest is None else checks.number("highest", highest, above=0.0)
     if measure != "scale":
         measure_of(measure)
     lasting: dict[str, Any] = {} if cycles is None else {"cycles": int(cycles)}
@@ -353,7 +401,7 @@ def critical_intensities(
     return CriticalIntensities(
         scenes=scenes,
         measure=measure,
-        highest=highest,
+        highest=math.inf if highest is None else highest,
         own=own,
         jumps=outcomes.jumps[:, 0] * own[:, None],
         peak=outcomes.peak,

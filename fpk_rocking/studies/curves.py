@@ -13,7 +13,7 @@ from fpk_rocking.base.checks import ArrayLike, File, Progress
 from fpk_rocking.results.grids import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
-from fpk_rocking.studies.jumps import MotionOutcomes, overturns, search
+from fpk_rocking.studies.jumps import FARTHEST, MotionOutcomes, overturns, search
 from fpk_rocking.studies.jumps import kernels_of as kernels_of_paths
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import checked_scenes, grid, scaled
@@ -45,8 +45,8 @@ def fragility(
     other, as the fit supposes. Levels share random numbers, and so do the values of a parameter, so their differences
     have less sampling noise; the curves of two levels never cross under band noise or none.
 
-    Without noise all scales at which the outcome changes are searched for, up to the largest (`critical_intensities`),
-    and a probability is 0 or 1 by those.
+    Without noise all scales at which the outcome changes are searched for (`critical_intensities`), and a probability
+    is 0 or 1 by those. The search does not depend on `scale`.
 
     Parameters
     ----------
@@ -126,7 +126,8 @@ def fragility(
         jobs.append(Job(len(jobs), _at(shaken[m], 1.0 if searched else factors[n], level, scale_noise), own))
     running: dict[str, Any] = {"workers": workers, "store": store, "progress": progress}
     if searched:
-        bounds = {"measure": "scale", "highest": factors[-1]} | lasting
+        bounds = {"measure": "scale", "highest": None} | lasting
+        options |= {"farthest": FARTHEST}
         rows = run_jobs(search, jobs, bounds, kernels_of_paths, **running)
     else:
         rows = run_jobs(TASKS["fpk" if engine == "density" else "mc"], jobs, options, kernels_of, **running)

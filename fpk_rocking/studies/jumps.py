@@ -27,11 +27,15 @@ COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
 """Steps of the scan in the logarithm of the scale, and the width to which a jump is bracketed. FINE is COARSE halved
 twice. All intervals wider than FINE are met but those that CALM hides: 3 and 5 in 1,000, for two blocks."""
 
+SETTLED, FARTHEST = 2.0, 1000.0
+"""A search without an end of its own goes on until a block overturns at all scales of the coarse scan over a factor of
+SETTLED, and no farther than FARTHEST times the scale that lifts it off."""
+
 CALM = 0.125
 """Part of the angle of overturning below which a path counts as far from it: the coarse scan does there."""
 
 
-def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
+def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf) -> Array:
     """Return the scales at which the outcome of a path changes, ascending: odd ones to overturning, even ones back.
 
     Parameters
@@ -39,6 +43,8 @@ def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
     paths : ScaledPaths
     low, high : float
         Range of scales, above 0. At the lowest a block has to stand; if it does not, that is the first jump.
+    settled : float
+        Factor over which the block has to overturn at all scales for the search to end before `high`.
 
     Returns
     -------
@@ -46,7 +52,7 @@ def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
         Each right to `EDGE`.
     """
     scales = np.append(low * np.exp(COARSE * np.arange(math.ceil(math.log(high / low) / COARSE))), high)
-    outcomes = paths(scales)
+    scales, outcomes = _until_settled(paths, scales, settled)
     while True:
         over, gap = outcomes.overturned, np.diff(np.log(scales))
         jump, calm = over[1:] != over[:-1], np.maximum(outcomes.peak[1:], outcomes.peak[:-1]) < CALM * paths.cutoff
@@ -58,6 +64,22 @@ def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
         more = paths(middles[split])
         scales = np.insert(scales, places, middles[split])
         outcomes = Outcomes(*(np.insert(old, places, new) for old, new in zip(outcomes, more, strict=True)))
+
+
+def _until_settled(paths, scales, settled):
+    """Return the scales (n,) of a scan, up to those that settle it, and their `Outcomes`."""
+    count = scales.size if math.isinf(settled) else math.ceil(math.log(settled) / COARSE)
+    outcomes = paths(scales[:count])
+    while outcomes.peak.size < scales.size and not outcomes.overturned[-count:].all():
+        more = paths(scales[outcomes.peak.size : outcomes.peak.size + count])
+        outcomes = Outcomes(*map(np.append, outcomes, more))
+    return scales[: outcomes.peak.size], outcomes
+
+
+def farthest_scale(scene: Scene) -> float:
+    """Scale at which a search without an end of its own gives up."""
+    force = scene.forcing.largest
+    return FARTHEST * scene.block.lift_off / force if force else 1.0
 
 
 def overturns(jumps: Array, scales: ArrayLike) -> Array:
@@ -80,6 +102,22 @@ def first_scale(jumps: Array) -> Array:
     with np.errstate(invalid="ignore"):
         wide = ends >= math.exp(FINE) * begins
     return np.where(wide, begins, math.inf).min(axis=1, initial=math.inf)
+
+
+def last_scale(jumps: Array) -> Array:
+    """Highest scales (m,) at which blocks begin to overturn for good; inf where they stand in the end."""
+    count = np.isfinite(jumps).sum(axis=1)
+    last = np.nanmax(jumps, axis=1, initial=-math.inf)
+    return np.where(count % 2 == 1, last, math.inf)
+
+
+def equivalent_scale(jumps: Array) -> Array:
+    """Scales (m,) above which blocks that overturned at all scales would do so over as much of the logarithm as these.
+
+    inf where they stand in the end.
+    """
+    signs, logs = 1.0 - 2.0 * (np.arange(jumps.shape[1]) % 2), np.log(jumps)
+    return np.where(np.isfinite(last_scale(jumps)), np.exp(np.nansum(signs * logs, axis=1)), math.inf)
 
 
 class MotionOutcomes(NamedTuple):
@@ -125,20 +163,22 @@ class MotionOutcomes(NamedTuple):
         )
 
 
-def search(scene: Scene, *, seed: int, measure: str, highest: float, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
+def search(scene: Scene, *, seed: int, measure: str, highest: float | None, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
     """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale.
 
     "jumps": list of ascending scales up to the `highest`, at which standing and overturning change; "peak": largest |Θ|
     at scale 1, nondimensional; "overturn_time": τ, or None; "overturn_side": -1, 1, or 0 for none. `highest` is an
-    intensity of the `measure`, "PGA" (g), "PGV" (m/s) or "scale"; `seed` is not used; `lasting`: cycles or times, as of
-    `montecarlo.simulate`.
+    intensity of the `measure`, "PGA" (g), "PGV" (m/s) or "scale", and with None the search goes as far as it must;
+    `seed` is not used; `lasting`: cycles or times, as of `montecarlo.simulate`.
     """
     paths = ScaledPaths(scene, **lasting)
     (overturn_time,), (side,), (peak,) = paths([1.0])
-    high = highest if measure == "scale" else highest / intensity_of(scene, measure)
+    own = 1.0 if measure == "scale" else intensity_of(scene, measure)
+    high = farthest_scale(scene) if highest is None else highest / own
     low = paths.least_scale or 1e-3 * high
+    settled = SETTLED if highest is None else math.inf
     return {
-        "jumps": jumps(paths, low, high).tolist() if low < high else [],
+        "jumps": jumps(paths, low, high, settled).tolist() if low < high else [],
         "peak": float(peak),
         "overturn_time": None if math.isnan(overturn_time) else float(overturn_time),
         "overturn_side": int(side),

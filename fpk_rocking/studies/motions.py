@@ -253,17 +253,20 @@ def recorded_scenes(
     return [under_motion(scene, motion) for motion in motions]
 
 
-def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
+def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = False) -> list[str]:
     """Return a line of text for each motion of a `motion_table`.
 
     Parameters
     ----------
     table : dict of str to ndarray, (m,)
-        Columns by name, at the motions' own scales, or, where `measure` is "scale", at scale 1, whatever that is.
+        Columns by name, at the motions' own scales, or with `at_one` at scale 1, whatever that is.
     measure : str
         "PGA", "PGV" or "scale": of critical intensities, where the table has these.
+    at_one : bool
+        Whether the scale is that measure, as in a `fpk_rocking.studies.Fragility`, so that critical ones are none.
     """
     lines = []
+    unit = "" if measure == "scale" else f" {measure_of(measure).unit}"
     for place, name in enumerate(table["motion"]):
         row = {column: values[place] for column, values in table.items()}
         peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
@@ -271,14 +274,16 @@ def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
         if "critical_scale" in row:
             turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"
             texts.append(turned if row["overturn_side"] else f"peak rotation {row['peak_rotation']:.3g} θ_cr")
-            critical = f"critical at scale {row['critical_scale']:.4g}"
-            if measure != "scale":
-                intensity = f"{measure} {row['critical_intensity']:.4g} {measure_of(measure).unit}"
-                critical = f"critical at {intensity}, {row['critical_scale']:.3g} times its own strength"
-            highest = "scale" if measure == "scale" else "intensity"
-            texts.append(critical if math.isfinite(row["critical_scale"]) else f"stands up to the highest {highest}")
-        at_one = "at scale 1 " * (measure == "scale" and bool(texts))
-        lines.append(f"{name}: {at_one}{', '.join(texts) or 'no size, no units'}.")
+            critical = f"critical at {measure} {row['critical_intensity']:.4g}{unit}"
+            critical += "" if at_one else f", {row['critical_scale']:.3g} times its own strength"
+            again = row["always_intensity"] / row["critical_intensity"] if math.isfinite(row["critical_scale"]) else 1.0
+            if math.isinf(again):
+                critical += ", stands again at the end of the search"
+            elif again > 1.01:
+                critical += f", always from {row['always_intensity']:.4g}"
+            texts.append(critical if math.isfinite(row["critical_scale"]) else "stands up to the end of the search")
+        begin = "at scale 1 " * (measure == "scale" and bool(texts))
+        lines.append(f"{name}: {begin}{', '.join(texts) or 'no size, no units'}.")
     return lines
 
 

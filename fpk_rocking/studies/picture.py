@@ -118,7 +118,7 @@ def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
     filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
     medians = np.array([fits[which].median for fits in result.fits])
     axes.plot(medians, result.place, "o", color=pictures.COLOURS[1], label="median of the lognormal fit")
-    axes.set(xlabel="scale of the shaking", ylabel=NAMES.get(result.axis, result.axis))
+    axes.set(xlabel=_scale_name(result, "scale of the shaking"), ylabel=NAMES.get(result.axis, result.axis))
     return filled
 
 
@@ -212,7 +212,7 @@ def _curves(axes, result, m, events):
     # Limits are set, as there may be no answer at all, and then nothing that a logarithmic axis could begin with.
     measures = result.intensities[m].at(1.0)
     axes.set(xlim=(0.93 * result.scale[0], 1.07 * result.scale[-1]), ylim=(-0.03, 1.03))
-    axes.set_xlabel("scale of the shaking" + f"\n(1: {measures})" * bool(measures))
+    axes.set_xlabel(_scale_name(result, "scale of the shaking") + f"\n(1: {measures})" * bool(measures))
     logarithmic(axes.set_xscale, axes.xaxis)
 
 
@@ -328,15 +328,16 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
         The verdict, the fits, notes on the columns, the seconds, and the remarks.
     """
     many, still = len(result.place) > 1, result.deterministic
-    motions = motion_lines(result.motion_table, "scale") if result.axis == "scene" else ()
+    motions = motion_lines(result.motion_table, result.measure, at_one=True) if result.axis == "scene" else ()
     sized = all(np.isfinite(measure.pga) or np.isfinite(measure.pgv) for measure in result.intensities)
     places = result.dataset().coordinates[result.axis]
     named = any(isinstance(place, str) for place in places)
-    names = (
-        ["motion" if named else result.axis] * many
-        + ["scale"]
-        + (["PGA, g", "PGV, m/s"] if sized else ["p PGV / (g tan θ_cr)"])
+    strength = (
+        {"PGA, g": "pga_g", "PGV, m/s": "pgv_m_per_s"} if sized else {"p PGV / (g tan θ_cr)": "relative_velocity"}
     )
+    # The scale is that measure itself.
+    strength = {name: field for name, field in strength.items() if name[:3] != result.measure}
+    names = ["motion" if named else result.axis] * many + [_scale_name(result), *strength]
     for name in result.names_with_degrees:
         names += [name] + ["95 %" if result.realizations else "± estimate"] * (not still.all())
     limits = result.interval()
@@ -345,7 +346,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
         """Yield the rows of the table, lists of texts, of scene m, whose value on the axis is `place`, one a scale."""
         for n, scale in enumerate(result.scale):
             measures = result.intensities[m].columns(scale)
-            strengths = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]
+            strengths = [measures[field] for field in strength.values()]
             cells = [place if named else f"{place:g}"] * many + [f"{scale:.4g}"]
             cells += [f"{value:.3f}" if np.isfinite(value) else "-" for value in strengths]
             for which in range(len(result.names)):
@@ -365,6 +366,11 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     table = text_table(names, *(rows(*place) for place in enumerate(places)))
     seconds = f"{result.wall_s:.1f} s."
     return title, table, verdict_first(result.trust, *fits, *motions, *notes, seconds, *result.remarks)
+
+
+def _scale_name(result, name="scale"):
+    """Return what the scale of a `Fragility` is called: a peak of the shaking with its unit, or else `name`."""
+    return {"PGA": "PGA, g", "PGV": "PGV, m/s"}.get(result.measure, name)
 
 
 def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tuple[str, ...]]:

@@ -1,6 +1,7 @@
 """The probability of a limit state of a motion drawn from a population, from the outcomes under several."""
 
 import dataclasses
+import functools
 import math
 from typing import Any, Self
 
@@ -17,11 +18,15 @@ from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.capacities import Capacities
 from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws
+from fpk_rocking.studies.jumps import farthest_scale, first_scale, last_scale
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, fit_rows
 from fpk_rocking.studies.motions import intensity_of, measure_of
 
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
+
+_TESTED = np.linspace(-2.5, 2.5, 41)
+"""Where a fit to outcomes without noise is tested if some motions stand in the end, in dispersions from its median."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -63,6 +68,9 @@ class IntensityCurve(Result):
     refined : bool
         Whether the intensities were chosen so that a rate by the points, joined by lines, does not depend on them
         (`fpk_rocking.risk.study`). It then is by the points though there is a fit, which does depend on them.
+    reach : float
+        Without noise: least intensity up to which all records were searched that do not overturn a block for good; inf
+        where there is none.
 
     Examples
     --------
@@ -92,6 +100,7 @@ class IntensityCurve(Result):
     jumps: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0, 0)))
     model: tuple[Diagnostic, ...] = ()
     refined: bool = False
+    reach: float = math.inf
 
     @property
     def unit(self) -> str:
@@ -129,10 +138,57 @@ class IntensityCurve(Result):
         -------
         float or ndarray
         """
-        away = np.log(np.asarray(intensity) / self.intensity[0])
+        return self._joined(self.intensity, points, intensity)
+
+    def _joined(self, places, points, intensity):
+        """Return `along` for points (n,) at other intensities, `places` (n,)."""
+        away = np.log(np.asarray(intensity) / places[0])
         lowest = scipy.special.ndtri(min(points[0], 1.0 - 0.5 / max(self.units, 2)))
-        joined = np.interp(away, np.log(self.intensity / self.intensity[0]), points)
+        joined = np.interp(away, np.log(places / places[0]), points)
         return np.where(away < 0.0, scipy.special.ndtr(lowest + away / self.tail), joined)
+
+    @functools.cached_property
+    def outcomes(self) -> tuple[Array, Array, Array]:
+        """Intensities (k,) at which outcomes are known, the share (k,) that overturns there, and its limits (k, 2).
+
+        Without noise they are those at which an outcome changes, each just before and at the change; where no motion
+        overturns the block, the last one that was searched. With noise they are the points of the curve.
+        """
+        if not len(self.jumps):
+            return self.intensity, self.probability, self.interval
+        places, share = _steps(self.jumps)
+        if not places.size:
+            places, share = np.array([self.reach]), np.zeros(1)
+        if self.units == 1:
+            return places, share, np.stack([share, share], axis=-1)
+        return places, share, _binomial(share, self.units)
+
+    def limits(self, intensity: Array) -> tuple[Array, Array]:
+        """Return 95 % limits of the probability by the outcomes, fit or no fit.
+
+        They go along those of the `outcomes` from where the first motion overturns the block, with noise in half of the
+        paths; where none does, from the last of them. Below, each goes on as a lognormal curve of dispersion `tail`: so
+        many outcomes exclude no probability there, and their limits are the same however low the intensity.
+
+        Parameters
+        ----------
+        intensity : ndarray, shape (k,)
+            Above 0.
+
+        Returns
+        -------
+        low, high : ndarray, shape (k,)
+        """
+        places, share, interval = self.outcomes
+        begun = share * self.units >= 0.5 if self.units > 1 else share > 0.0
+        if self.jumps.size:
+            begun &= places >= first_scale(self.jumps.reshape(-1, self.jumps.shape[-1])).min()
+        first = int(begun.argmax()) if begun.any() else places.size - 1
+        low, high = (self._joined(places[first:], side[first:], intensity) for side in interval.T)
+        share = self._joined(places, share, intensity)
+        if self.jumps.size:
+            share = np.where(intensity < places[0], 0.0, share)
+        return np.minimum(low, share), np.maximum(high, share)
 
     @property
     def title(self) -> str:
@@ -275,13 +331,23 @@ class IntensityCurve(Result):
         if fragility.motions is not None:
             rows = at_one[0] * fragility.motions.jumps[:, which]
             common["jumps"] = np.stack([rows[motion == number] for number in np.unique(motion)])
+            ends = np.full(len(rows), fragility.scale[-1])
+            if "farthest" in fragility.options:
+                ends = np.array([farthest_scale(scene) for scene in fragility.scenes])
+            ends = at_one[0] * ends
+            stands = np.isinf(last_scale(rows))
+            common["reach"] = float(ends[stands].min(initial=math.inf))
         if len(shares) > 1:
+            steps = None
             if fragility.motions is None:
                 capacities = Capacities.of(intensity, shares, trials, motion)
             else:
-                capacities = Capacities.of_jumps(rows, at_one[0] * fragility.scale[-1], motion)
+                capacities = Capacities.of_jumps(rows, ends, motion)
+                places, share = _steps(common["jumps"])
+                known = places <= common["reach"]
+                steps = places[known], share[known], common["reach"]
             values = {} if draws is None else draws.values
-            suite = _of_suite(capacities, intensity, shares, trials, values, samples, rng)
+            suite = _of_suite(capacities, intensity, shares, trials, values, samples, rng, steps)
             return cls(**common, **suite | _named(suite, records.size))
         fit, replicates = fragility.fits[0][which], np.empty((0, 2))
         if trials and not fit.reason and not fragility.deterministic[0]:
@@ -299,19 +365,21 @@ class IntensityCurve(Result):
         )  # fmt: skip
 
 
-def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng):
+def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng, steps):
     """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows.
 
     `capacities` are those of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
-    realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. "sources" has
-    (part of the dispersion, its error) by name, and is missing where there is no fit.
+    realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. `steps`:
+    intensities (k,) at which an outcome changes, the mean there, and up to where they are known; None of samples.
+    "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
     """
     mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
     fields = {"probability": mean, "units": units, "replicates": np.empty((0, 2)), "interval": _binomial(mean, units)}
-    searched = not capacities.noise and np.isin(capacities.error, [0.0, math.inf]).all() and not capacities.error.all()
-    fit = LognormalFit() if searched else fit_lognormal(intensity, mean)
+    places, share, reach = (intensity, mean, math.inf) if steps is None else steps
+    fit = fit_lognormal(intensity, mean) if steps is None else LognormalFit()
     if not fit.reason and capacities.complete.size < 2:
-        fit = LognormalFit(reason="fewer than two motions overturn a block within these intensities")
+        where = "within these intensities" if steps is None else "for good"
+        fit = LognormalFit(reason=f"fewer than two motions overturn a block {where}")
     if fit.reason:
         return fields | {"fit": fit}
     population, values = capacities.draws(samples, rng)
@@ -319,10 +387,14 @@ def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng):
     # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
     with np.errstate(over="ignore"):
         fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
-    if searched:
+    if steps is not None:
         fit = LognormalFit(*capacities.moments(population))
-        fit = fit._replace(misfit=float(np.abs(fit(intensity) - mean).max()))
-    p_value = capacities.p_value(np.log(intensity), mean, trials, rng)
+        fit = fit._replace(misfit=float(np.abs(fit(places) - share).max(initial=0.0)))
+        # Apart from the jumps: those of simulated suites lie elsewhere, and a distance is largest at a jump.
+        places, known = fit.median * np.exp(fit.dispersion * _TESTED), places
+        places = places[places <= reach]
+        share = np.append(0.0, share)[np.searchsorted(known, places, side="right")]
+    p_value = capacities.p_value(np.log(places), share, trials, rng)
     fit = _with_intervals(fit._replace(p_value=p_value), fields["replicates"])
     if not fit.rejected:
         points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / spreads[:, None])
@@ -344,6 +416,17 @@ def _named(suite, records):
     }
     values, errors = ({name: part[place] for name, part in sources.items()} for place in (0, 1))
     return {"records": records, "sources": values, "source_errors": errors}
+
+
+def _steps(jumps):
+    """Intensities (k,), just before each of the jumps (r, b, k) and at it, and the share that overturns there."""
+    signs = np.broadcast_to(1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2), jumps.shape)
+    finite = np.isfinite(jumps)
+    places, number = np.unique(jumps[finite], return_inverse=True)
+    rises = np.bincount(number, signs[finite], places.size) / (jumps.shape[0] * jumps.shape[1])
+    share = np.cumsum(rises)
+    pairs = np.stack([(1.0 - 1e-9) * places, places], axis=-1), np.stack([share - rises, share], axis=-1)
+    return tuple(np.clip(values.ravel()[1:], 0.0, np.inf) for values in pairs)
 
 
 def _binomial(mean, count):

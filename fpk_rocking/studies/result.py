@@ -3,11 +3,11 @@
 import dataclasses
 import functools
 import math
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from fpk_rocking.base.checks import Array
+from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.base.files import plain
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark
 from fpk_rocking.results.result import Dataset, Result
@@ -17,9 +17,9 @@ from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, motion_table
 from fpk_rocking.studies.diagnostics import curve_diagnostics
-from fpk_rocking.studies.jumps import MotionOutcomes
+from fpk_rocking.studies.jumps import MotionOutcomes, overturns
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
-from fpk_rocking.studies.motions import Intensities, measured, motion_names
+from fpk_rocking.studies.motions import Intensities, measure_of, measured, motion_names
 from fpk_rocking.studies.pooled import IntensityCurve
 
 
@@ -137,6 +137,14 @@ class Fragility(Saved, Result):
         limits = np.stack([self.probability - self.error_estimate, self.probability + self.error_estimate], axis=-1)
         return np.clip(limits, 0.0, 1.0)
 
+    def at_scales(self, scale: Array) -> Self:
+        """Return the curves at other scales (n,), ascending, by the outcomes that were searched for without noise."""
+        jumps = not_none(self.motions).jumps
+        probability = overturns(jumps.reshape(-1, jumps.shape[-1]), scale).astype(float)
+        probability = probability.reshape(*jumps.shape[:2], len(scale))
+        unknown = np.full(probability.shape, math.nan)
+        return dataclasses.replace(self, scale=np.array(scale), probability=probability, error_estimate=unknown)
+
     @functools.cached_property
     def critical(self) -> CriticalIntensities | None:
         """`CriticalIntensities`: critical scales of each scene, and what it does at scale 1; None with noise."""
@@ -145,7 +153,7 @@ class Fragility(Saved, Result):
         return CriticalIntensities(
             scenes=self.scenes,
             measure="scale",
-            highest=float(self.scale[-1]),
+            highest=math.inf if "farthest" in self.options else float(self.scale[-1]),
             own=np.ones(len(self.scenes)),
             jumps=self.motions.jumps[:, 0].copy(),
             peak=self.motions.peak,
@@ -154,6 +162,15 @@ class Fragility(Saved, Result):
             options={name: self.options[name] for name in ("cycles", "times") if name in self.options},
             wall_s=self.wall_s,
         )
+
+    @property
+    def measure(self) -> str:
+        """What the scale is: "PGV" in m/s or "PGA" in g where that is 1 for all scenes at scale 1, else "scale"."""
+        for name in ("PGV", "PGA"):
+            peaks = [getattr(motion, measure_of(name).field) / measure_of(name).si for motion in self.intensities]
+            if np.allclose(peaks, 1.0, rtol=1e-9):
+                return name
+        return "scale"
 
     @property
     def motion_table(self) -> dict[str, Array]:

@@ -177,6 +177,8 @@ def critical():
         "pgv_m_per_s": peaks / (2.0 * math.pi * (1.5 + 0.01 * np.arange(count))),
         "own_intensity": own,
         "critical_intensity": first,
+        "always_intensity": np.where(np.isfinite(jumps[:, 2]), jumps[:, 2], math.inf),
+        "equivalent_intensity": np.where(np.isfinite(jumps[:, 2]), jumps[:, 0] * jumps[:, 2] / jumps[:, 1], math.inf),
         "critical_scale": first / own,
         "peak_rotation": tops,
         "overturn_time": turned,

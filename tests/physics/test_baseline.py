@@ -13,7 +13,7 @@ from fpk_rocking import Block, Dimensions, NoNoise, Record, Scene
 from fpk_rocking.cli import main
 from fpk_rocking.physics.forcing.baseline import corrected, drift_of
 from fpk_rocking.results.remarks import baseline_remark, scene_diagnostics
-from fpk_rocking.risk import Hazard, study
+from fpk_rocking.risk import Hazard, at_intensity, study
 from fpk_rocking.scene.limits import implausible
 from fpk_rocking.studies import intensities, synthetic_records
 
@@ -210,6 +210,21 @@ def test_units_and_steps_that_were_typed_wrong_are_named():
     (sentence,) = implausible(scene_of(slow))
     assert sentence.startswith("The PGV of y.txt is ")
     assert sentence.endswith("it lasts 400 s: is its interval 0.2 s, and its unit m/s2?")
+
+
+def test_a_record_is_judged_as_it_was_recorded_and_not_as_it_is_scaled():
+    """A drift of .02 g, at a PGV of 2 m/s that is that of the drift: the PGA is .06 g, and nothing else was meant."""
+    (motion,) = synthetic_records(1, duration=20.0)
+    drifting = dataclasses.replace(motion, samples=tuple(a + 0.3 for a in motion.samples))
+    scene = at_intensity(scene_of(drifting), "PGV", 2.0)
+    assert scene.forcing.drifts
+    assert scene.forcing.largest < scene.block.lift_off
+    assert implausible(scene) == []
+    # So is one that is scaled down, and one that is scaled to more than any ground motion has.
+    assert implausible(scene_of(dataclasses.replace(motion, scale=0.01))) == []
+    assert implausible(scene_of(motion), 30.0, 40.0) == []
+    (sentence,) = implausible(scene_of(dataclasses.replace(motion, samples=tuple(0.02 * a for a in motion.samples))))
+    assert sentence.endswith("g meant?")
 
 
 def columns_of(tmp_path, text, **options):

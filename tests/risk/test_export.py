@@ -28,7 +28,8 @@ def test_a_lognormal_curve_in_nrml(tmp_path):
     assert [element.tag for element in model] == [
         SPACE + tag for tag in ("description", "limitStates", "fragilityFunction")
     ]
-    assert (model[0].text, model[1].text) == ("a & b", "angle_0p5 overturned")
+    verdict = "Verdict: caution. For others of their kind 1 scene tell the probabilities to ±0.091 at worst (95 %)."
+    assert (model[0].text, model[1].text) == (f"a & b {verdict}", "angle_0p5 overturned")
     function = model[2]
     assert function.attrib == {"id": "rack_1", "format": "continuous", "shape": "logncdf"}
     assert function[0].attrib["imt"] == "PGV"

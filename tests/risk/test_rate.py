@@ -76,7 +76,7 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     points = annual_frequency(
         dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
     )
-    assert "upper limits, which is wider than the limits of a fit" in points.sentences[0]
+    assert "(all probabilities at their lower, or all at their upper limits, as there is no fit)" in points.sentences[0]
     assert "the fragility, where a lognormal curve of dispersion 0.5 goes on below, the last " in points.sentences[1]
     assert [diagnostic.kind for diagnostic in risk.diagnostics if diagnostic.severity] == ["the hazard curve"]
     assert risk.rate_error == pytest.approx(math.log(risk.interval[1] / risk.interval[0]) / (2 * 1.96))
@@ -111,8 +111,12 @@ def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_
     intensity = factor * np.geomspace(least, 6.0, 20)
     ((severity, message, *_),) = annual_frequency(curve, Hazard(intensity, meant.rate)).model_diagnostics()
     assert severity == UNUSABLE
-    assert f"Are the intensities of the hazard in {unit}? They were read in {own}, as {intensity[0]:.4g} to" in message
-    assert message.endswith(f"in {unit} they are {least:.4g} to 6 {own}.")
+    # What is to be done comes first, and nothing else is advised.
+    assert message.startswith(
+        f"Are the intensities of the hazard in {unit}? They were read in {own}, as {intensity[0]:.4g} to"
+    )
+    assert f"; in {unit} they are {least:.4g} to 6 {own}. " in message
+    assert message.endswith("goes on.")
     far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).model_diagnostics()[0]
     assert (far.severity, far.message.endswith("goes on: give more of them.")) == (UNUSABLE, True)
     share = annual_frequency(curve, Hazard([0.71 * curve.fit.median, 6.0], [1e-2, 1e-5]))
@@ -129,7 +133,7 @@ def test_a_power_law_holds_at_all_intensities():
 
 
 def test_where_nothing_overturns_the_upper_limits_are_above_zero():
-    """None of 8 motions, without noise: .369 at each intensity, and a rate below that of such a curve."""
+    """None of 8 motions: .369 at each intensity, and a rate below that of such a curve, up to the highest of them."""
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 8
     curve = IntensityCurve.of(suite(np.zeros((8, 12)), scenes, 1), "PGV")
     upper = stats.binomtest(0, 8).proportion_ci(method="exact").high
@@ -137,7 +141,7 @@ def test_where_nothing_overturns_the_upper_limits_are_above_zero():
     risk = annual_frequency(curve, Hazard.power_law(1e-3, 2.0))
     grid = np.linspace(-12.0, 12.0, 400_001)
     law = np.where(grid < 0.0, stats.norm.cdf(stats.norm.ppf(upper) + grid / 0.5), upper)
-    wanted = np.trapezoid(law * 2e-3 * np.exp(-2.0 * (grid + math.log(SCALES[0]))), grid)
+    wanted = np.trapezoid(law * 2e-3 * np.exp(-2.0 * (grid + math.log(SCALES[-1]))), grid)
     assert (risk.rate, *risk.interval) == pytest.approx((0.0, 0.0, wanted), rel=1e-4)
     assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
         "e-0", "e-"

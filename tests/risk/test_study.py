@@ -3,8 +3,12 @@
 import csv
 import dataclasses
 import functools
+import html
+import importlib.metadata
 import json
 import math
+import re
+import shlex
 
 import numpy as np
 import pytest
@@ -13,6 +17,7 @@ from suites import SIZE, record
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli, studies
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.studies import fragility, synthetic_records
+from fpk_rocking.studies import jumps as jumps_module
 from fpk_rocking.studies.motions import intensities
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.tasks import TASKS
@@ -220,6 +225,8 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
     for share in values["pooled"]["probability"]:
         assert f"{share:.4g}" in out
     words[words.index("--scales")] = "--pgv"
+    assert cli.main([*words, "--realizations", "50"]) == 0
+    assert "PGV_m_per_s" in capsys.readouterr().out
     assert cli.main([*words, "--realizations", "50", "--report", str(tmp_path / "r.html"), "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["scale"] == [0.5, 1.0, 2.0]
@@ -254,7 +261,7 @@ def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):
 def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anything_is_computed(tmp_path, capsys):
     scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
     (tmp_path / "rack.toml").write_text(scene.to_toml())
-    arguments = ["risk", str(tmp_path / "rack.toml"), "--hazard", "1e-3:2", "--intensities", "0.4,0.5,0.6"]
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--intensities", "0.4,0.5,0.6"]
     arguments += ["--realizations", "20", "--name", "rack", "--out", str(tmp_path / "out")]
     assert cli.main([*arguments, "--synthetic", "1"]) == 0
     printed = capsys.readouterr()
@@ -304,9 +311,9 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
 
 
 @functools.cache
-def stepped(count):
+def stepped(count, low=0.3, high=3.0):
     block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
-    return study(block, motions, Hazard([0.2, 0.7, 3.0], [2e-3, 8e-5, 1e-6]), np.geomspace(0.3, 3.0, count))
+    return study(block, motions, Hazard([0.2, 0.7, 3.0], [2e-3, 8e-5, 1e-6]), np.geomspace(low, high, count))
 
 
 def test_without_noise_the_rate_is_that_of_the_share_of_motions_that_overturn():
@@ -320,15 +327,112 @@ def test_without_noise_the_rate_is_that_of_the_share_of_motions_that_overturn():
     inside = (result.risk.edges[:-1, None] <= grid[:-1]) & (grid[:-1] < result.risk.edges[1:, None])
     assert result.risk.contribution == pytest.approx((inside * parts).sum(axis=1) / parts.sum(), abs=1e-4)
     assert result.risk.contribution.sum() == pytest.approx(0.999, abs=1e-6)
+    assert (result.risk.beyond_curve, result.risk.below_curve) == (0.0, 0.0)
+    assert "Intensities below" not in result.text()
     beyond = parts[grid[:-1] >= 3.0].sum() / parts.sum()
-    assert result.risk.beyond_curve == pytest.approx(beyond, abs=1e-4)
     assert result.risk.beyond_hazard == pytest.approx(beyond + parts[grid[:-1] < 0.2].sum() / parts.sum(), abs=1e-4)
     assert result.risk.interval[0] < result.risk.rate < result.risk.interval[1]
     assert "By all intensities at which each motion overturns" in result.text()
 
 
-def test_without_noise_the_rate_does_not_depend_on_the_number_of_intensities():
-    assert [stepped(count).risk.rate for count in (5, 9, 24)] == pytest.approx([stepped(5).risk.rate] * 3, rel=1e-12)
+@pytest.mark.parametrize(("count", "low", "high"), [(24, 0.3, 3.0), (8, 0.2, 0.8), (48, 0.05, 10.0)])
+def test_without_noise_rate_limits_and_fit_do_not_depend_on_the_intensities_asked_for(count, low, high):
+    first, other = stepped(5), stepped(count, low, high)
+    for result in (first, other):
+        assert result.risk.interval[0] < result.risk.rate < result.risk.interval[1]
+    assert (other.risk.rate, *other.risk.interval) == pytest.approx((first.risk.rate, *first.risk.interval), rel=1e-12)
+    assert other.curve.fit == first.curve.fit
+    assert np.array_equal(other.critical.jumps, first.critical.jumps, equal_nan=True)
+    assert np.isfinite(first.critical.always).all()
+    assert other.trust.verdict == first.trust.verdict
+
+
+def test_the_table_of_motions_and_the_curve_agree():
+    """P is between the shares of the motions whose always and whose first intensity lies below; the fit is by a third.
+
+    An interval narrower than 1 % is not critical, so the share by the critical intensity may be lower by those.
+    """
+    result = stepped(24)
+    table, curve = result.table(), result.curve
+    median = math.exp(np.log(table["equivalent_intensity"]).mean())
+    assert curve.fit.median == pytest.approx(median, rel=1e-12)
+    assert curve.fit.dispersion == pytest.approx(np.log(table["equivalent_intensity"]).std(ddof=1), rel=1e-9)
+    grid = np.exp(np.arange(math.log(0.1), math.log(10.0), 1e-4))
+    over = result.critical.overturned(grid).sum(axis=1) * 1e-4
+    assert np.log(grid[-1] / table["equivalent_intensity"]) == pytest.approx(over, abs=2e-3)
+    least, most = (
+        (table[name] <= curve.intensity[:, None]).mean(axis=1) for name in ("always_intensity", "critical_intensity")
+    )
+    assert np.all((least <= curve.probability) & (curve.probability <= most))
+    assert (least < most).any()
+    assert np.all(table["critical_intensity"] <= table["equivalent_intensity"])
+    assert np.all(table["equivalent_intensity"] <= table["always_intensity"])
+    assert result.text().count("The critical PGV of a motion is the lowest from which it overturns the block") == 1
+
+
+def test_intensities_have_a_default_over_which_the_motions_overturn_the_block():
+    """With and without noise the same; without, the search is not repeated for them."""
+    block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
+    result = study(block, motions, None)
+    intensity, suite = result.curve.intensity, stepped(5).critical
+    wanted = 0.5 * suite.critical.min(), 1.25 * suite.equivalent.max()
+    assert intensity == pytest.approx(np.geomspace(*wanted, 12), rel=1e-9)
+    assert result.curve.probability.tolist() == suite.overturned(intensity).mean(axis=0).tolist()
+    assert (result.curve.probability[0], result.curve.probability[-1] > 0.5) == (0.0, True)
+    noisy = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    assert study(noisy, motions, None, realizations=2).curve.intensity == pytest.approx(intensity, rel=1e-9)
+
+
+def test_with_noise_intensities_are_added_up_to_where_each_motion_overturns_the_block():
+    noisy = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
+    motions = synthetic_records(6, duration=5.0, rms=1.5)
+    result = study(noisy, motions, Hazard.power_law(1e-4, 2.5), [0.3, 0.5, 0.7], realizations=20)
+    scale, top = result.fragility.scale, stepped(5).critical.equivalent.max()
+    assert top <= scale[-1] < 1.4 * top
+    assert result.added == scale.size - 3
+    assert np.isfinite(result.factors).all()
+    # Without a rate nothing is added.
+    assert study(noisy, motions, None, [0.3, 0.5], realizations=2).curve.intensity == pytest.approx([0.3, 0.5])
+
+
+def test_motions_that_do_not_settle_are_told_by_name(monkeypatch):
+    """Searches that end at three times the scale of lift-off: the motions that stand there."""
+    monkeypatch.setattr(jumps_module, "FARTHEST", 3.0)
+    block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
+    result = study(block, motions, Hazard.power_law(1e-4, 2.5), [0.3, 1.0, 3.0])
+    stands = np.isinf(result.critical.always)
+    assert 0 < stands.sum() < 6
+    names = ", ".join(motion.source for motion, standing in zip(motions, stands, strict=True) if standing)
+    (said,) = [text for text in result.remarks if "where the search ends" in text]
+    assert f"where the search ends, under {names}. For the limits" in said
+    ends = [3.0 * 0.5 / 1.8 * 9.80665 / intensities(scene).pga * intensities(scene).pgv for scene in result.recorded]
+    assert result.curve.reach == pytest.approx(min(end for end, standing in zip(ends, stands, strict=True) if standing))
+    assert not any("where the search ends" in text for text in stepped(5).remarks)
+
+
+def test_files_say_what_made_them_and_what_they_are_worth(tmp_path, capsys):
+    """Date, version, hazard and command in report, text and JSON; the verdict in what other programs read."""
+    (tmp_path / "rack.toml").write_text(without_forcing(Scene(Block(0.9, SIZE), record(0), NoNoise())))
+    (tmp_path / "site 3.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
+    words = ["risk", str(tmp_path / "rack.toml"), "--synthetic", "5", "--hazard", str(tmp_path / "site 3.csv")]
+    words += ["--name", "rack", "--out", str(tmp_path / "out")]
+    assert cli.main(words) == 0
+    verdict = capsys.readouterr().out.split("trust: ")[1].partition(".")[0]
+    assert verdict in {"caution", "do not use"}
+    out = tmp_path / "out"
+    made = f"by fpk-rocking {importlib.metadata.version('fpk-rocking')} with the hazard of site 3.csv"
+    line = f"{made}: {shlex.join(['fpk-rocking', *words])}"
+    assert (out / "risk.txt").read_text().splitlines()[-1].endswith(line)
+    assert json.loads((out / "risk.json").read_text())["origin"].endswith(line)
+    page = html.unescape((out / "report.html").read_text())
+    assert f"{line}</p>" in page
+    assert re.search(rf"<p>Made on \d{{4}}-\d\d-\d\d {made}\.</p>", page)
+    assert f"Verdict: {verdict}. " in (out / "rack.xml").read_text()
+    (row,) = csv.DictReader((out / "rack.csv").open())
+    assert row["Verdict"] == verdict
+    about = json.loads((out / "rack.json").read_text())["rack"]
+    assert about["Verdict"] == json.loads((out / "risk.json").read_text())["trust"]
+    assert f"Verdict: {verdict}. " in about["Description"]
 
 
 def test_without_noise_each_motion_is_told_by_name(tmp_path):
@@ -349,7 +453,9 @@ def test_without_noise_each_motion_is_told_by_name(tmp_path):
         assert sides[1] != 0
         assert float(row["critical_intensity"]) == pytest.approx(factor * own, rel=1e-9)
         assert line.startswith(f"{motion.source}: PGA ")
-        assert line.endswith(f"critical at PGV {factor * own:.4g} m/s, {factor:.3g} times its own strength.")
+        always = float(row["always_intensity"])
+        more = f", always from {always:.4g}" * (always > 1.01 * factor * own)
+        assert line.endswith(f"critical at PGV {factor * own:.4g} m/s, {factor:.3g} times its own strength{more}.")
         assert f"<td>{factor:.4g}</td>" in page
 
 

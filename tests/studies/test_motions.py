@@ -39,11 +39,13 @@ def test_a_scale_is_not_said_to_be_a_multiple_of_the_motion(tmp_path, capsys):
         printed[option] = " ".join(capsys.readouterr().out.split())
     scene = dataclasses.replace(block, forcing=record(1))
     critical = critical_intensities(scene, highest=3.0, measure="PGA")
-    assert "a.txt: at scale 1 PGA 1 g, PGV " in printed["--pga"]
-    assert f"critical at scale {critical.critical[0]:.4g}." in printed["--pga"]
+    assert "a.txt: PGA 1 g, PGV " in printed["--pga"]
+    assert f"critical at PGA {critical.critical[0]:.4g} g" in printed["--pga"]
+    assert "PGA, g PGV, m/s overturned" in printed["--pga"]
+    assert "scale PGA, g PGV, m/s overturned" in printed["--scales"]
     own = intensities(scene)
     assert f"a.txt: at scale 1 PGA {own.pga / 9.80665:.3g} g, PGV {own.pgv:.3g} m/s, " in printed["--scales"]
-    assert f"critical at scale {critical.factor[0]:.4g}." in printed["--scales"]
+    assert f"critical at scale {critical.factor[0]:.4g}" in printed["--scales"]
     assert "times its own" not in printed["--pga"] + printed["--scales"]
 
 

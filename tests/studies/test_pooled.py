@@ -11,6 +11,7 @@ from suites import SCALES, SIZE, curve_of, record, suite
 from fpk_rocking import BandNoise, Block, NoNoise, Pulse, Scene
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
 from fpk_rocking.studies import drawn, fragility
+from fpk_rocking.studies.jumps import MotionOutcomes, overturns
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.studies.motions import intensity_of
 
@@ -71,6 +72,34 @@ def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
         proper = stats.binomtest(round(20 * share), 20).proportion_ci(method="exact")
         assert limits == pytest.approx((proper.low, proper.high), abs=1e-9)
     assert np.array_equal(curve(SCALES), curve.probability)
+
+
+def test_limits_without_a_fit_do_not_depend_on_the_points_of_the_curve():
+    """Two groups of motions that were searched, 8 and 12: steps of Clopper and Pearson's limits, and a tail below."""
+    critical, hazard = np.repeat([0.2, 2.0], [8, 12]) * np.tile([1.0, 1.1], 10), Hazard.power_law(1e-3, 2.0)
+    jumps = np.full((20, 1, 3), math.nan)
+    jumps[:, 0, 0] = critical
+    jumps[0, 0] = 0.15, 0.1501, critical[0]  # too narrow to count
+    scenes, risks = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 20, []
+    for places in (SCALES, SCALES[4:9], np.geomspace(0.01, 0.1, 3)):
+        shares = overturns(jumps[:, 0], places)[:, None].astype(float)
+        fields = {"scale": places, "probability": shares, "error_estimate": np.full_like(shares, math.nan)}
+        fields |= {"motions": MotionOutcomes(jumps, *np.zeros((3, 20))), "options": {"farthest": 1000.0}}
+        curve = IntensityCurve.of(dataclasses.replace(suite(np.zeros((20, 12)), scenes, 1), **fields), "PGV")
+        risks.append(annual_frequency(curve, hazard))
+        assert curve.fit.rejected
+    assert len({(risk.rate, *risk.interval) for risk in risks}) == 1
+    # By an independent sum over a fine grid.
+    grid = np.linspace(math.log(0.2) - 25.0, math.log(2.2) + 15.0, 400_001)
+    middle = np.exp(0.5 * (grid[1:] + grid[:-1]))
+    happened = (critical <= middle[:, None]).sum(axis=1)
+    limits = [stats.binomtest(k, 20).proportion_ci(method="exact") for k in range(21)]
+    for side, name in enumerate(("low", "high")):
+        law = np.array([getattr(limit, name) for limit in limits])[happened]
+        first = getattr(limits[4], name)
+        tail = stats.norm.cdf(stats.norm.ppf(first) + np.log(middle / 0.2) / curve.fit.dispersion)
+        law = np.where(middle < 0.2, tail if name == "high" else 0.0, law)
+        assert risks[0].interval[side] == pytest.approx((law * -np.diff(hazard(np.exp(grid)))).sum(), rel=1e-3)
 
 
 def test_two_of_five_motions_give_limits_without_a_warning():
