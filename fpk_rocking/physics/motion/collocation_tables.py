@@ -1,5 +1,6 @@
 """Tables and tuned numbers of flights by Gauss-Legendre collocation (`collocation`)."""
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -43,8 +44,9 @@ class FlightTables(NamedTuple):
     sinh: float
 
 
+@functools.lru_cache(maxsize=64)
 def flight_tables(span: float) -> FlightTables:
-    """Return the `FlightTables` of flights of the duration `span`, nondimensional."""
+    """Return the `FlightTables` of flights of the duration `span`, nondimensional. Not to be written to."""
     points, weights = gauss_legendre(24, -1.0, 1.0)
     ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
     lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
