@@ -89,7 +89,9 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
 
 
 @pytest.mark.parametrize(
-    ("noise", "nodes"), [(MAIN.noise, (8,)), (NOISES[1], (6, 6)), (NOISES[2], (6, 6))], ids=lambda part: str(part)[:30]
+    ("noise", "nodes"),
+    [(MAIN.noise, (8,)), *(pytest.param(noise, (6, 6), marks=pytest.mark.slow) for noise in NOISES[1:3])],
+    ids=lambda part: str(part)[:30],
 )
 def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     """One false alarm in a thousand or fewer: 3.5 standard errors at four cycles, and a tolerance of the mesh."""
@@ -109,6 +111,7 @@ def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     assert np.abs(bins - sampled).sum() < 1.3 * floor + 0.01
 
 
+@pytest.mark.slow
 def test_fast_noise_is_white_noise():
     """At a fixed diffusion the difference from white noise falls with the correlation time, in first order."""
     white = MAIN.varied(noise=WhiteNoise(0.00628))
@@ -183,6 +186,7 @@ def test_a_filter_of_ones_own_is_solved_as_the_named_one_is():
         solve_fpk(slow, cycles=1)
 
 
+@pytest.mark.slow
 def test_noise_that_is_not_refused_as_slow_is_answered():
     """One false alarm in a thousand or fewer: 3.5 standard errors at two cycles, and the tolerance."""
     scene, paths = (
@@ -393,6 +397,19 @@ def test_a_start_is_at_rest_where_only_noise_can_lift_the_block(start, amplitude
     scene = Scene(Block(0.5), Harmonic(amplitude, 2.0), FilteredNoise("exponential", 0.01, 1.0), start)
     dynamics = Dynamics(scene.forcing, 0.0, KernelBlock(0.5, scene.overturning.angle))
     assert FilteredStart(scene, Nodes(scene.noise, (3,)), dynamics).at_rest is rests
+
+
+def test_a_block_at_rest_begins_at_rest_at_every_value_of_the_noise():
+    """With the probability of that value and without a density; a block that moves has its density and no rest."""
+    scene = Scene(Block(0.5), Harmonic(0.9, 2.0), FilteredNoise("exponential", 0.01, 1.0))
+    run = FilteredPropagator(scene, grid_of(scene, 0, (3,), 8), 1e-9)
+    resting, moving = (run.initial_state(start, scene.period * np.arange(2)) for start in (Start(), Start(0.1)))
+    assert np.array_equal(resting.at_rest, run.nodes.weights)
+    assert resting.at_rest.sum() == pytest.approx(1.0, abs=1e-14)
+    assert not resting.density.any()
+    assert (resting.time, resting.step) == (0.0, 0)
+    assert not moving.at_rest.any()
+    assert run.space.masses(moving.density).sum() + moving.outflow.sum() == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("clear", "fine", "last"), [(0.55, 9.0, 5), (0.55, 0.25, 3), (0.05, 9.0, 0), (9.0, 9.0, 8)])

@@ -251,9 +251,10 @@ def test_sticking_is_that_of_a_slender_block_in_units_of_the_level():
     assert pull < 1.0
 
 
-def test_white_noise_agrees_with_small_steps_of_another_scheme():
-    """20,000 paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
-    alpha, e, diffusion, paths, shaking = 0.45, 0.7, 0.02, 20_000, (4.2, 2.7, math.pi)
+@pytest.mark.parametrize("paths", [4_000, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_white_noise_agrees_with_small_steps_of_another_scheme(paths):
+    """Paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
+    alpha, e, diffusion, shaking = 0.45, 0.7, 0.02, (4.2, 2.7, math.pi)
     scene = Scene(Block(e, critical_angle=alpha), Harmonic(*shaking), WhiteNoise(diffusion), Start(0.3, 0.0))
     density = PeriodicPropagator(scene, plane_of(scene, 2), 1e-8).propagate(scene.period * np.arange(3)).survival[1:]
     fine, coarse = survival((alpha, e), scene.overturning.angle, shaking, diffusion, (0.3, 0.0), 2, paths, 400, 3)

@@ -193,7 +193,9 @@ tell.
 """
 
 
-@pytest.mark.parametrize("name", FROM_REST)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith("record")) for name in FROM_REST]
+)
 def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
     """Survival off by .03 to 1 where a block at rest was left there until |f| = .5, and by .03 where a long flight had
     the mean of D; false alarms 1e-3 a scene.

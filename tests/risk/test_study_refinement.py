@@ -19,7 +19,7 @@ from fpk_rocking.studies.result import Fragility
 MOTIONS, HAZARD = 8, Hazard.power_law(1e-4, 2.5)
 
 
-@pytest.mark.parametrize("suite", range(5))
+@pytest.mark.parametrize("suite", [0, *(pytest.param(suite, marks=pytest.mark.slow) for suite in range(1, 5))])
 def test_rates_by_8_24_and_48_intensities_are_within_two_percent(suite):
     """Curves that rise, fall at a resonance and rise again, sampled with 10,000 paths; the truth is their integral.
 

@@ -108,11 +108,11 @@ def test_density_slower_than_predicted_is_left_for_paths(monkeypatch):
 def test_splitting_where_overturning_is_rare(monkeypatch):
     monkeypatch.setattr(overturning, "_SPLITTING_S", 0.0)
     monkeypatch.setattr(overturning, "_SHORT_S", np.inf)
-    answer = probability(RARE, cycles=2, rtol=0.3)
+    answer = probability(RARE, cycles=2, rtol=0.5)
     expected, standard_error = RARE_OVERTURNED
     assert answer.method == "splitting"
     assert abs(answer.overturned - expected) <= 1.5 * answer.error + 3.0 * standard_error
-    assert answer.error <= 0.3 * answer.overturned
+    assert answer.error <= 0.5 * answer.overturned
 
 
 def test_error_of_the_steps_is_added(monkeypatch):
