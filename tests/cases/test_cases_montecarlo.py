@@ -32,13 +32,13 @@ def sampled(probability, realizations):
 
 
 def small_fig05(module, folder):
-    module.LATE = 10
-    values = module.run(folder, realizations=200, cycles=25, bounded_cycles=100)
+    module.LATE = 40
+    values = module.run(folder, realizations=1000, cycles=60, bounded_cycles=100)
     assert "variance = 0.0025" in values["scene"]
     assert sorted(x for x, _ in values["periodic_points"]) == pytest.approx([-0.0836, -0.0219], abs=5e-5)
     assert values["bounded_without_noise"] is True
     with pytest.raises(ValueError, match=r"realizations: got 3, accepted: enough for one to overturn to the right"):
-        module.run(folder, realizations=3, cycles=20, bounded_cycles=10)
+        module.run(folder, realizations=3, cycles=50, bounded_cycles=10)
     return values
 
 
