@@ -214,11 +214,11 @@ def test_noise_that_begins_late_is_solved():
     """
     noise = WhiteNoise(0.0079, Trapezoid(2.2, 6.1, 5.2))
     scene = Scene(Block(None, Dimensions(0.34, 2.04)), Harmonic(1.12, 3.81, 0.0), noise)
-    space, found = at_resolution(0, scene, scene.period * np.arange(1, 9))
+    space, solution = at_resolution(0, scene, scene.period * np.arange(1, 9))
     survival = 1.0 - np.array([0.0242, 0.0436, 0.0608])
-    assert (np.abs(found.survival[-3:] - survival) <= 3.5 * np.sqrt(survival * (1.0 - survival) / 20_000)).all()
-    assert [bool(row) for row in found.resolved] == [False, False, True, True, True, True, True, True, False]
-    assert max(map(space.negative_mass, found.coefficients[1:])) < 0.2
+    assert (np.abs(solution.survival[-3:] - survival) <= 3.5 * np.sqrt(survival * (1.0 - survival) / 20_000)).all()
+    assert [bool(row) for row in solution.resolved] == [False, False, True, True, True, True, True, True, False]
+    assert max(map(space.negative_mass, solution.coefficients[1:])) < 0.2
 
 
 def test_a_start_is_carried_on_patches_past_the_time_within_which_a_mesh_should_take_over():

@@ -171,8 +171,8 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
     filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
     for j in range(len(parameters.envelope.response)):
         filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
-        whole = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)
-        assert interval(0.8, 0.1, 1, 0, j, parameters, workspace, True) == pytest.approx(whole, abs=1e-13)
+        end_by_tables = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)
+        assert interval(0.8, 0.1, 1, 0, j, parameters, workspace, True) == pytest.approx(end_by_tables, abs=1e-13)
         pieces = range(parameters.envelope.first[j], parameters.envelope.first[j + 1])
         cut += len(pieces) > 1
         begins, values = parameters.envelope.begins[pieces], parameters.envelope.strength[pieces, 0]

@@ -86,8 +86,8 @@ def test_blocks_under_one_motion_are_one_random_effect():
     within = ((rows - rows.mean(axis=1, keepdims=True)) ** 2).sum()
     assert quantiles(population[:, 2] ** 2) == pytest.approx(within / stats.chi2(80).ppf([0.975, 0.5, 0.025]), rel=0.02)
     error = rows.mean(axis=1).std(ddof=1) / math.sqrt(20)
-    wanted = stats.t(19, logs.mean(), error).ppf([0.025, 0.5, 0.975])
-    assert quantiles(population[:, 0]) == pytest.approx(wanted, abs=0.01)
+    limits = stats.t(19, logs.mean(), error).ppf([0.025, 0.5, 0.975])
+    assert quantiles(population[:, 0]) == pytest.approx(limits, abs=0.01)
     assert np.median(population[:, 1]) == pytest.approx(math.sqrt(error**2 * 20 - within / 80 / 5), rel=0.05)
 
 

@@ -109,8 +109,12 @@ def test_a_density_a_little_beyond_0_and_1_is_fitted_as_0_and_1():
     beyond = sure - 1e-3 * (sure == 0.0) + 1e-3 * (sure == 1.0)
     assert beyond.min() == -1e-3
     assert beyond.max() == 1.0 + 1e-3
-    result, wanted = fit_lognormal(SCALE, beyond), fit_lognormal(SCALE, sure)
-    assert (result.median, result.dispersion, result.misfit) == (wanted.median, wanted.dispersion, wanted.misfit)
+    result, fit_of_cut = fit_lognormal(SCALE, beyond), fit_lognormal(SCALE, sure)
+    assert (result.median, result.dispersion, result.misfit) == (
+        fit_of_cut.median,
+        fit_of_cut.dispersion,
+        fit_of_cut.misfit,
+    )
     assert result.reason == ""
     assert result.median == pytest.approx(MEDIAN, rel=0.01)
     assert fit_lognormal(SCALE, np.full(12, -1e-3)).reason == "the probability is 0 at all scales"
