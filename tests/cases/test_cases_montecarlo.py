@@ -13,7 +13,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from fpk_rocking import CycleOperator, NoNoise, melnikov, solve_fpk
+from fpk_rocking import CycleOperator, NoNoise, load_scene, melnikov, solve_fpk
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from montecarlo import overturning_rate, simulate
 
@@ -34,6 +34,9 @@ def sampled(probability, realizations):
 def small_fig05(module, folder):
     module.LATE = 40
     values = module.run(folder, realizations=1000, cycles=60, bounded_cycles=100)
+    paths = simulate(load_scene("fig05"), cycles=60, realizations=1000)
+    assert paths.overturn_side[values["realization"]] == 1
+    assert abs(values["overturned_after_cycles"] - 40.0) <= 5.0
     assert "variance = 0.0025" in values["scene"]
     assert sorted(x for x, _ in values["periodic_points"]) == pytest.approx([-0.0836, -0.0219], abs=5e-5)
     assert values["bounded_without_noise"] is True
@@ -57,6 +60,8 @@ def small_fig07(module, folder):
 
 def small_fig08(module, folder):
     values = module.run(folder, cycles=20, realizations=20, seeds=1)
+    attractor = module.attractor_of(load_scene("main").varied(forcing={"phase": 3.14}), 20)
+    assert values["without_noise"]["deviation"] == pytest.approx(np.std(attractor, axis=0))
     assert "variance = 0.0016" in values["scene"]
     assert values["mean_overturned_after"] == [None]
     assert values["restarted"]["deviation"] == pytest.approx(values["without_noise"]["deviation"], rel=0.3)
