@@ -13,7 +13,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run gallery test mutants docs wheel bench bench-full peers interop lint clean
+.PHONY: help install run gallery test slow mutants docs wheel bench bench-full peers interop lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -28,8 +28,11 @@ run: $(CORE)  ## Fig. 6 by both engines, into results/fig06
 gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 	$(BIN)/python cases/gallery.py
 
-test: $(STAMP)  ## the test suite
+test: $(STAMP)  ## the test suite, without the slow tests
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+slow: $(STAMP)  ## the slow tests: large samples, fine meshes, figures as they are published
+	$(BIN)/python -m pytest -n auto --dist worksteal -m slow
 
 COUNT := 20
 SEED := 1
@@ -54,8 +57,7 @@ bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minut
 	@set -e; for script in cold_start density monte_carlo band_survival white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
 	$(BIN)/python benchmarks/practical_blocks.py --scenes 3 --paths 40000
 
-bench-full: bench  ## the slow tests, and the benchmarks that take longer
-	$(BIN)/python -m pytest -m slow
+bench-full: bench slow  ## the slow tests, and the benchmarks that take longer
 	@set -e; for script in fine_reference.py eulerian.py estimates.py hard_cases.py practical_blocks.py "eulerian.py --all"; do echo "== $$script"; $(BIN)/python benchmarks/$$script; done
 
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/validation.md, about ten minutes

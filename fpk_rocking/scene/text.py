@@ -6,6 +6,7 @@ from typing import Any
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic
+from fpk_rocking.physics.forcing.samples import Samples
 from fpk_rocking.physics.noise.envelope import ENVELOPES
 from fpk_rocking.physics.noise.filters import CloughPenzien, Filter, LinearFilter
 from fpk_rocking.physics.noise.kinds import (
@@ -219,8 +220,9 @@ def _literal(value):
     # Python's shortest exact forms of int and float are TOML too.
     if not isinstance(value, tuple):
         return repr(value)
-    # The samples of a record are many, and are written for every point of a study.
-    return "[" + ", ".join(map(repr if set(map(type, value)) <= {float} else _literal, value)) + "]"
+    if isinstance(value, Samples):
+        return value.toml
+    return "[" + ", ".join(map(_literal, value)) + "]"
 
 
 def fields_of(value: Any) -> dict[str, Any]:

@@ -152,10 +152,14 @@ def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
     ("task", "asked"),
     [
         ("fpk_rocking.least_runs:density", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
-        ("fpk_rocking.least_runs:density_exact", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
+        pytest.param(
+            "fpk_rocking.least_runs:density_exact",
+            ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"],
+            marks=pytest.mark.slow,
+        ),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
         ("fpk_rocking.least_runs:exact", ["mc", "--method", "exact", "--cycles", "2"]),
-        ("fpk_rocking.least_runs:rk4", ["mc", "--method", "rk4", "--cycles", "2"]),
+        pytest.param("fpk_rocking.least_runs:rk4", ["mc", "--method", "rk4", "--cycles", "2"], marks=pytest.mark.slow),
     ],
 )
 def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):

@@ -129,6 +129,7 @@ def test_steps_have_their_order(order, monkeypatch):
     assert eulerian_runs.order(1.0 / np.array(steps), errors) == pytest.approx(order, abs=0.15)
 
 
+@pytest.mark.slow
 def test_a_cycle_of_the_main_scene_agrees_with_independent_paths():
     """On a coarse mesh L1 is .054, and the error in survival 2e-5 beside 3e-4 of the reference."""
     start = solve_fpk(eulerian_runs.SCENE, cycles=1, tol=1e-2).at(1)

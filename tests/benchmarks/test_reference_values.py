@@ -40,7 +40,9 @@ def test_the_file_is_of_the_scenes_and_its_two_methods_agree(name):
         assert (np.abs(chances[what] - column(name, what, "second value")) <= allowed + 2.5e-6).all()
 
 
-@pytest.mark.parametrize("name", ["paper-white", "second-white", "pulse-white"])
+@pytest.mark.parametrize(
+    "name", ["paper-white", *(pytest.param(name, marks=pytest.mark.slow) for name in ("second-white", "pulse-white"))]
+)
 def test_the_density_keeps_to_the_values(name):
     """False alarms: below 1e-4 for each scene."""
     row = ROWS[name]
@@ -51,7 +53,10 @@ def test_the_density_keeps_to_the_values(name):
         assert (np.abs(own - column(name, what, "value")) <= error).all()
 
 
-@pytest.mark.parametrize("name", ["exact-band", "exact-start", "record-band", "exponential", "kanai-tajimi"])
+@pytest.mark.parametrize(
+    "name",
+    ["exact-band", "exact-start", pytest.param("record-band", marks=pytest.mark.slow), "exponential", "kanai-tajimi"],
+)
 def test_sampling_keeps_to_the_values(name):
     """Of 20,000 paths of another seed. False alarms: below 1e-3 for each scene."""
     row, size = ROWS[name], 20_000

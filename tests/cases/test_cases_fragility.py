@@ -11,6 +11,7 @@ import pytest
 from test_cases_montecarlo import written
 
 
+@pytest.mark.slow
 def test_paths_and_density_of_blocks_agree(case, tmp_path, monkeypatch):
     """Paths and density under the same white noise, in the first .6 s of the motion."""
     module = case("fragility_of_blocks")

@@ -13,7 +13,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from fpk_rocking import CycleOperator, NoNoise, melnikov, solve_fpk
+from fpk_rocking import CycleOperator, NoNoise, load_scene, melnikov, solve_fpk
 from fpk_rocking.analytics.orbits import symmetric_orbits
 from montecarlo import overturning_rate, simulate
 
@@ -31,6 +31,118 @@ def sampled(probability, realizations):
     return pytest.approx(probability, abs=4.5 * math.sqrt(probability * (1.0 - probability) / realizations))
 
 
+def small_fig05(module, folder):
+    module.LATE = 40
+    values = module.run(folder, realizations=1000, cycles=60, bounded_cycles=100)
+    paths = simulate(load_scene("fig05"), cycles=60, realizations=1000)
+    assert paths.overturn_side[values["realization"]] == 1
+    assert abs(values["overturned_after_cycles"] - 40.0) <= 5.0
+    assert "variance = 0.0025" in values["scene"]
+    assert sorted(x for x, _ in values["periodic_points"]) == pytest.approx([-0.0836, -0.0219], abs=5e-5)
+    assert values["bounded_without_noise"] is True
+    with pytest.raises(ValueError, match=r"realizations: got 3, accepted: enough for one to overturn to the right"):
+        module.run(folder, realizations=3, cycles=50, bounded_cycles=10)
+    return values
+
+
+def small_fig07(module, folder):
+    """After four cycles; the mirror image exchanges the sides."""
+    coarse = {"cycles": 4, "realizations": 20, "variances": (0.04,), "density_variances": (0.04,)}
+    values = module.run(folder, **coarse, phase_variances=(0.04,))
+    assert values["density"][0]["survival"] == pytest.approx(0.8627, abs=2e-3)
+    assert values["white"][0]["survival"] == sampled(0.8627, 200)
+    paper, quarter, half = values["phases"]
+    assert [noise["stands_without_noise"] for noise in (paper, quarter, half)] == [True, False, True]
+    assert paper["survival"][0] == sampled(0.8656, 400)
+    assert paper["to_the_right"][0] == pytest.approx(1.0 - half["to_the_right"][0], abs=4.5 * math.sqrt(0.5 / 50))
+    return values
+
+
+def small_fig08(module, folder):
+    values = module.run(folder, cycles=20, realizations=20, seeds=1)
+    attractor = module.attractor_of(load_scene("main").varied(forcing={"phase": 3.14}), 20)
+    assert values["without_noise"]["deviation"] == pytest.approx(np.std(attractor, axis=0))
+    assert "variance = 0.0016" in values["scene"]
+    assert values["mean_overturned_after"] == [None]
+    assert values["restarted"]["deviation"] == pytest.approx(values["without_noise"]["deviation"], rel=0.3)
+    return values
+
+
+def small_fig09(module, folder):
+    values = module.run(folder, paper=(0.05, 0.2), between=(), seeds=1, realizations=20, cycles=30)
+    standing, overturning = values["maps"]
+    assert (standing["deviation"], standing["overturned_after"]) == (0.05, [None])
+    assert overturning["overturned_after"][0] < 30
+    assert values["without_noise"]["covered"] > 0.95
+    return values
+
+
+def small_bifurcation(module, folder):
+    module.BLOCKS = 2
+    values = module.run(folder, amplitudes=(2.6, 4.9), cycles=60)
+    for low, high in (values["crisis"], values["crisis_at_twice_the_cutoff"]):
+        assert 4.75 < low < high < 4.85
+        assert high - low <= 1e-3
+    assert values["rest_overturns"] == [4.9]
+    assert values["symmetric_orbit_stable_up_to"] == pytest.approx(2.899856, abs=1e-6)
+    return values
+
+
+def small_passage(module, folder):
+    values = module.run(folder, variances=(0.04,), cycles=4, realizations=500, tol=5e-2)
+    (row,) = values["noise"]
+    assert max(map(abs, row["white_z"].values())) < 4.5
+    assert sum(row["density"][:4]) == pytest.approx(1.0 - 0.8627, abs=2e-3)
+    by_cycle = np.array(values["early"]).sum(axis=1).reshape(4, 20).sum(axis=1)
+    assert by_cycle == pytest.approx(np.array(row["band"]), abs=1e-12)
+    return values
+
+
+def small_band(module, folder):
+    coarse = {"bands": (5.0, 10.0), "raised": ((2.0, 4.0),), "left_out": (6.0,), "realizations": 50}
+    values = module.run(folder, **coarse, seeds=1, few_seeds=1, map_size=20, map_cycles=20)
+    low, ours, raised = values["rows"]
+    assert ours["melnikov_variance_of_fig3"] == pytest.approx(2.0 * 0.0062806 * 0.286 / 0.04, rel=1e-4)
+    assert (low["meets"]["Fig. 3"], ours["meets"]["Fig. 3"]) == (False, True)
+    assert ours["late_survival"] == sampled(0.9064, 50)
+    assert ours["survival"]["10"] == sampled(0.4787, 50)
+    assert raised["meets"]["Fig. 6"] is False
+    assert module.table(values).row_count == 3
+    return values
+
+
+SMALL = {
+    "fig05_overturning": ("fig05", small_fig05),
+    "fig07_survival_against_noise": ("fig07", small_fig07),
+    "fig08_mean_poincare": ("fig08", small_fig08),
+    "fig09_mean_map_and_noise": ("fig09", small_fig09),
+    "bifurcation": ("bifurcation", small_bifurcation),
+    "first_passage": ("passage", small_passage),
+    "band_inferred": ("band", small_band),
+}
+"""Of cases whose runs below are slow: the name of their files, and a run in a second or two with what it must give."""
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_a_small_run_gives_what_it_must_and_writes_it(name, case, tmp_path):
+    stem, run = SMALL[name]
+    values = run(case(name), tmp_path)
+    assert written(tmp_path, stem, values)
+
+
+def test_bands_are_weighed_by_the_product_of_their_chances(case):
+    chances = {"Fig. 5(b)": 0.5, "Fig. 9 (a)": 0.0}
+    rows = [
+        {"band": [0.0, 1.0], "likelihood": chances, "meets": {"a": True}},
+        {"band": [0.0, 2.0], "meets": {"a": False}},
+    ]
+    rows[1]["likelihood"] = chances | {"Fig. 9 (a)": 0.25}
+    joint = case("band_inferred")._joint(rows, 9, 4)
+    assert joint["log_likelihood"] == pytest.approx([math.log(0.05), math.log(0.125)])
+    assert (joint["best"], joint["within"], joint["meets_all"]) == (2.0, [1.0, 2.0], [1.0])
+
+
+@pytest.mark.slow
 def test_fig05_has_the_known_share_standing_and_a_bounded_motion_without_noise(case, tmp_path):
     """Known: 100,000 realizations of another seed stand after 125 cycles with .7330, .9064 and .9855."""
     values = case("fig05_overturning").run(tmp_path, realizations=3000, cycles=140, bounded_cycles=400)
@@ -47,6 +159,7 @@ def test_fig05_has_the_known_share_standing_and_a_bounded_motion_without_noise(c
     assert written(tmp_path, "fig05", values)
 
 
+@pytest.mark.slow
 def test_fig07_has_the_known_survival_and_a_mirror_image(case, tmp_path):
     coarse = {"cycles": 10, "realizations": 1000, "variances": (0.01, 0.04), "density_variances": (0.04,)}
     values = case("fig07_survival_against_noise").run(tmp_path, **coarse, phase_variances=(0.04,))
@@ -65,6 +178,7 @@ def test_fig07_has_the_known_survival_and_a_mirror_image(case, tmp_path):
     assert written(tmp_path, "fig07", values)
 
 
+@pytest.mark.slow
 def test_fig08_restarted_means_stay_on_the_attractor_without_noise(case, tmp_path):
     values = case("fig08_mean_poincare").run(tmp_path, cycles=150, realizations=200, seeds=2)
     assert "phase = 3.14\n" in values["scene"]
@@ -80,6 +194,7 @@ def test_fig08_restarted_means_stay_on_the_attractor_without_noise(case, tmp_pat
     assert written(tmp_path, "fig08", values)
 
 
+@pytest.mark.slow
 def test_fig09_mean_maps_shrink_and_overturn_as_noise_grows(case, tmp_path):
     module = case("fig09_mean_map_and_noise")
     paper = (0.05, 0.06, 0.09, 0.16, 0.2)
@@ -100,6 +215,7 @@ def test_fig09_mean_maps_shrink_and_overturn_as_noise_grows(case, tmp_path):
     assert written(tmp_path, "fig09", values)
 
 
+@pytest.mark.slow
 def test_bifurcation_ends_at_the_known_crisis(case, main_scene, tmp_path):
     module = case("bifurcation")
     module.BLOCKS = 12
@@ -128,6 +244,7 @@ def test_survival_against_restitution_is_the_known_one(case, tmp_path):
     assert written(tmp_path, "restitution", values)
 
 
+@pytest.mark.slow
 def test_first_passages_add_up_to_the_overturned(case, tmp_path):
     values = case("first_passage").run(tmp_path, variances=(0.04,), cycles=6, realizations=20_000, tol=1e-2)
     row = values["noise"][0]
@@ -138,6 +255,7 @@ def test_first_passages_add_up_to_the_overturned(case, tmp_path):
     assert written(tmp_path, "passage", values)
 
 
+@pytest.mark.slow
 def test_the_band_inferred_is_the_one_that_meets_the_figures(case, tmp_path):
     module = case("band_inferred")
     coarse = {"bands": (5.0, 10.0), "raised": ((2.0, 4.0),), "left_out": (6.0,), "realizations": 2000}
@@ -155,15 +273,6 @@ def test_the_band_inferred_is_the_one_that_meets_the_figures(case, tmp_path):
     assert values["left_out"][0]["mean_stands"]["0.13"] == [0, 1]
     assert values["joint"]["best"] == 10.0
     assert module.table(values).row_count == 3
-    chances = {"Fig. 5(b)": 0.5, "Fig. 9 (a)": 0.0}
-    rows = [
-        {"band": [0.0, 1.0], "likelihood": chances, "meets": {"a": True}},
-        {"band": [0.0, 2.0], "meets": {"a": False}},
-    ]
-    rows[1]["likelihood"] = chances | {"Fig. 9 (a)": 0.25}
-    joint = module._joint(rows, 9, 4)
-    assert joint["log_likelihood"] == pytest.approx([math.log(0.05), math.log(0.125)])
-    assert (joint["best"], joint["within"], joint["meets_all"]) == (2.0, [1.0, 2.0], [1.0])
     assert written(tmp_path, "band", values)
 
 

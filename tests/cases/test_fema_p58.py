@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 
+@pytest.mark.slow
 def test_medians_rise_with_the_size(case, tmp_path, monkeypatch):
     module = case("fema_p58")
     monkeypatch.setattr(module, "SLENDER", (3.0,))

@@ -102,9 +102,10 @@ def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_density():
     assert np.abs(reflected(second.coefficients[-1]) - first.coefficients[-1]).max() < 1e-8
 
 
-def test_a_body_falls_as_often_as_in_metres_and_seconds():
-    """20,000 paths of a leapfrog, extrapolated, to either side: 4 standard errors are wrong once in 8,000 seeds."""
-    alpha, rate, paths, start = STATUE.critical_angle, STATUE.frequency_parameter, 20_000, SCENE.varied(start=Start())
+@pytest.mark.parametrize("paths", [2_000, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_a_body_falls_as_often_as_in_metres_and_seconds(paths):
+    """Paths of a leapfrog, extrapolated, to either side: 4 standard errors are wrong once in 8,000 seeds."""
+    alpha, rate, start = STATUE.critical_angle, STATUE.frequency_parameter, SCENE.varied(start=Start())
     unit, end = body_paths.G * alpha, 2.0 * SCENE.period / rate
 
     def base(time):

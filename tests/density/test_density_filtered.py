@@ -74,7 +74,7 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
     flight = FilteredStart(scene, run.nodes, run.steps[0][0].characteristics.dynamics)
     _, covariance = flight.at(time)
     for i, j, kernels in ((0, 0, (np.sinh, np.sinh)), (0, 1, (np.sinh, np.cosh)), (1, 1, (np.cosh, np.cosh))):
-        wanted = integrate.dblquad(
+        integral = integrate.dblquad(
             lambda s, t, first=kernels[0], second=kernels[1]: (
                 first(time - s) * second(time - t) * formulas.autocovariance(noise, s - t)
             ),
@@ -84,12 +84,14 @@ def test_a_flight_has_the_covariance_of_its_noise(noise):
             time,
             epsabs=1e-6,
         )[0]
-        assert covariance[i, j] == pytest.approx(wanted, rel=1e-4)
+        assert covariance[i, j] == pytest.approx(integral, rel=1e-4)
     assert covariance[2:, 2:] == pytest.approx(np.eye(len(covariance) - 2), abs=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("noise", "nodes"), [(MAIN.noise, (8,)), (NOISES[1], (6, 6)), (NOISES[2], (6, 6))], ids=lambda part: str(part)[:30]
+    ("noise", "nodes"),
+    [(MAIN.noise, (8,)), *(pytest.param(noise, (6, 6), marks=pytest.mark.slow) for noise in NOISES[1:3])],
+    ids=lambda part: str(part)[:30],
 )
 def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     """One false alarm in a thousand or fewer: 3.5 standard errors at four cycles, and a tolerance of the mesh."""
@@ -109,17 +111,18 @@ def test_survival_and_bins_are_those_of_sampled_paths(noise, nodes):
     assert np.abs(bins - sampled).sum() < 1.3 * floor + 0.01
 
 
+@pytest.mark.slow
 def test_fast_noise_is_white_noise():
     """At a fixed diffusion the difference from white noise falls with the correlation time, in first order."""
     white = MAIN.varied(noise=WhiteNoise(0.00628))
-    wanted = solve_fpk(white, cycles=4, tol=1e-2).survival[4]
+    white_survival = solve_fpk(white, cycles=4, tol=1e-2).survival[4]
     differences, frequencies = [], np.array([5.0, 10.0, 1000.0])
     for frequency in frequencies:
         variance = 0.00628 * (1.0 + frequency) ** 2 / (2.0 + frequency)
         scene = MAIN.varied(noise=FilteredNoise("exponential", variance, frequency))
         assert scene.white_equivalent().noise.diffusion == pytest.approx(0.00628)
         run = FilteredPropagator(scene, grid_of(scene, 2, (6,), 16), 1e-8)
-        differences.append(run.propagate(scene.period * np.arange(5)).survival[4] - wanted)
+        differences.append(run.propagate(scene.period * np.arange(5)).survival[4] - white_survival)
     assert abs(differences[2]) < 1.5e-3
     first, second = np.array(differences[:2]) - differences[2]
     assert first > second > 0.5e-3
@@ -174,15 +177,16 @@ def test_a_filter_of_ones_own_is_solved_as_the_named_one_is():
     eta = np.repeat(theirs.values, 5)
     for step in (0.02, 0.3):
         assert ours.piecewise_constant_factor(step) == pytest.approx(theirs.piecewise_constant_factor(step), rel=1e-12)
-        survival, wanted = (
+        covariance, named_covariance = (
             eta @ nodes.transition_matrix(step) @ (eta * theirs.weights.ravel()) for nodes in (ours, theirs)
         )
-        assert survival == pytest.approx(wanted, rel=1e-10)
+        assert covariance == pytest.approx(named_covariance, rel=1e-10)
     slow = MAIN.varied(noise=own.scaled(1.0, 0.05))
     with pytest.raises(ValueError, match=r"noise\.filter: got .*at least about .* times as fast"):
         solve_fpk(slow, cycles=1)
 
 
+@pytest.mark.slow
 def test_noise_that_is_not_refused_as_slow_is_answered():
     """One false alarm in a thousand or fewer: 3.5 standard errors at two cycles, and the tolerance."""
     scene, paths = (
@@ -218,13 +222,13 @@ def test_a_block_that_nothing_lifts_off_rests(resting, tmp_path):
 
 
 def test_rest_that_is_not_resolved_is_told(resting):
-    wanted = bins_tolerance(0.1)
-    below, above = (dataclasses.replace(resting, rest_error_estimate=part * wanted) for part in (0.9, 1.1))
+    tolerance = bins_tolerance(0.1)
+    below, above = (dataclasses.replace(resting, rest_error_estimate=part * tolerance) for part in (0.9, 1.1))
     assert list(remarks(below)) == below.summary()["remarks"] == []
     assert list(remarks(above)) == above.summary()["remarks"] == [above.unresolved]
     assert above.summary()["rest_error_estimate"] == above.rest_error_estimate
     with pytest.warns(RuntimeWarning, match="at rest is not resolved: its estimated error is 0.12"):
-        warn_unresolved(above, wanted, stacklevel=1)
+        warn_unresolved(above, tolerance, stacklevel=1)
 
 
 LIFTED = Scene(Block(0.5), Harmonic(0.8, 1.5), FilteredNoise("exponential", 0.04, 2.0))
@@ -346,13 +350,13 @@ def test_half_a_cycle_and_its_mirror_image_are_a_cycle(noise):
         states = run.states(scene.period * np.arange(2), scene.start)
         rests = [(state.mirror_image() if state.reflected else state).at_rest for state in states]
         solutions.append((run.propagate(scene.period * np.arange(2)), np.array(rests)))
-    (halves, rests), (wholes, wanted) = solutions
+    (halves, rests), (wholes, rests_of_wholes) = solutions
     assert 0.1 < wholes.at_rest[1] < 0.9
     assert wholes.reinjected == 0.0  # what rests is an atom of its own, whose error the estimate has
-    assert np.abs(wanted - wanted[:, ::-1, ::-1]).max() > 1e-3  # a mirror image is another state
-    if wanted.shape[2] > 1:
-        assert np.abs(wanted - wanted[:, :, ::-1]).max() > 1e-3
-    assert rests == pytest.approx(wanted, abs=1e-10)
+    assert np.abs(rests_of_wholes - rests_of_wholes[:, ::-1, ::-1]).max() > 1e-3  # a mirror image is another state
+    if rests_of_wholes.shape[2] > 1:
+        assert np.abs(rests_of_wholes - rests_of_wholes[:, :, ::-1]).max() > 1e-3
+    assert rests == pytest.approx(rests_of_wholes, abs=1e-10)
     assert halves.at_rest == pytest.approx(wholes.at_rest, abs=1e-10)
     assert halves.survival == pytest.approx(wholes.survival, abs=1e-10)
 
@@ -373,9 +377,9 @@ def test_piecewise_constant_noise_is_of_second_order_in_flight():
     for steps in counts:
         part = np.linspace(0.0, 1.0, steps + 1)
         run = FilteredPropagator(scene, FilteredDiscretization(plane, (3,), 5, part * (1.0 + 2.0 * part) / 3.0), 1e-12)
-        _, wanted = FilteredStart(scene, run.nodes, run.steps[0][0].characteristics.dynamics).at(scene.period)
+        _, exact_covariance = FilteredStart(scene, run.nodes, run.steps[0][0].characteristics.dynamics).at(scene.period)
         density = Density(run.space, run.propagate(scene.period * np.arange(2)).coefficients[1])
-        errors.append(abs(density.covariance[1, 1] - wanted[1, 1]))
+        errors.append(abs(density.covariance[1, 1] - exact_covariance[1, 1]))
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
@@ -393,6 +397,20 @@ def test_a_start_is_at_rest_where_only_noise_can_lift_the_block(start, amplitude
     scene = Scene(Block(0.5), Harmonic(amplitude, 2.0), FilteredNoise("exponential", 0.01, 1.0), start)
     dynamics = Dynamics(scene.forcing, 0.0, KernelBlock(0.5, scene.overturning.angle))
     assert FilteredStart(scene, Nodes(scene.noise, (3,)), dynamics).at_rest is rests
+
+
+def test_a_block_at_rest_begins_at_rest_at_every_value_of_the_noise():
+    """With the probability of that value and without a density; a block that moves has its density and no rest."""
+    scene = Scene(Block(0.5), Harmonic(0.9, 2.0), FilteredNoise("exponential", 0.01, 1.0))
+    run = FilteredPropagator(scene, grid_of(scene, 0, (3,), 8), 1e-9)
+    resting, moving = (run.initial_state(start, scene.period * np.arange(2)) for start in (Start(), Start(0.1)))
+    assert np.array_equal(resting.at_rest, run.nodes.weights)
+    assert resting.at_rest.sum() == pytest.approx(1.0, abs=1e-14)
+    assert not resting.density.any()
+    assert (resting.time, resting.step) == (0.0, 0)
+    assert not moving.at_rest.any()
+    mass = sum(run.space.masses(density).sum() for density in moving.density.reshape(-1, *run.space.shape))
+    assert mass + moving.outflow.sum() == pytest.approx(1.0, abs=1e-6)
 
 
 @pytest.mark.parametrize(("clear", "fine", "last"), [(0.55, 9.0, 5), (0.55, 0.25, 3), (0.05, 9.0, 0), (9.0, 9.0, 8)])

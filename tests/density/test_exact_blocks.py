@@ -85,7 +85,7 @@ def test_flight_is_of_second_order(diffusion, sides, side):
     own = block.saddles[side > 0], block.scales[side > 0]
     ends, gathered = flown(alpha, forcing, points, duration, diffusion, side, *own)
     mean = ends @ weights
-    wanted = np.concatenate([mean, (ends - mean[:, None]) ** 2 @ weights + gathered[::2] @ weights])
+    exact_moments = np.concatenate([mean, (ends - mean[:, None]) ** 2 @ weights + gathered[::2] @ weights])
     errors = []
     for steps in (2, 4):
         now, span = space.project(Gaussian(start, spread), 12), duration / steps
@@ -93,7 +93,7 @@ def test_flight_is_of_second_order(diffusion, sides, side):
             quadrature = Quadrature(5, 5, 5, 2) if diffusion else Quadrature(5, 5, 1, 1, 1)
             now, _ = Step(Characteristics(space, k * span, span, dynamics, quadrature), space).apply(now)
         density = Density(space, now)
-        errors.append(np.abs(np.concatenate([density.mean, np.diag(density.covariance)]) - wanted).max())
+        errors.append(np.abs(np.concatenate([density.mean, np.diag(density.covariance)]) - exact_moments).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
 
 
@@ -119,10 +119,10 @@ def test_flight_between_displaced_states_is_of_fourth_order():
             now, _ = Step(path, space).apply(now)
         density, block, part = Density(space, now), dynamics.block, span**2 / 24.0
         real = displaced_all(points, 0.0, part, dynamics.segment(0.0, span), block)
-        wanted = displaced_all(
+        displaced_ends = displaced_all(
             flown(alpha, forcing, real, duration)[0], 0.0, -part, dynamics.segment(duration, span), block
         )
-        for moments_off, states in ((errors, wanted), (plain, flown(alpha, forcing, points, duration)[0])):
+        for moments_off, states in ((errors, displaced_ends), (plain, flown(alpha, forcing, points, duration)[0])):
             mean = states @ weights
             moments = np.concatenate([mean, (states - mean[:, None]) ** 2 @ weights])
             moments_off.append(np.abs(np.concatenate([density.mean, np.diag(density.covariance)]) - moments).max())
@@ -150,8 +150,8 @@ def test_a_node_next_to_contact_has_an_error_of_third_order_in_the_step():
         dynamics = Dynamics(forcing, 1e-3, KernelBlock(0.5, 1.5, alpha))
         noise = Noise(duration, dynamics.diffusion, np.zeros((1, 2)), np.zeros((1, 2)), 1.0)
         states, _ = path_ends(0.1, 0.4, 1, dynamics.segment(0.0, duration), dynamics.block, noise)
-        wanted, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
-        errors.append(np.abs(states[0] - wanted[:, 0]).max())
+        exact_ends, _ = flown(alpha, forcing, np.array([[0.1], [0.4]]), duration)
+        errors.append(np.abs(states[0] - exact_ends[:, 0]).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(3.0, abs=0.15)
 
 
@@ -165,9 +165,9 @@ def test_noise_of_a_path_without_events_is_that_half_way_along_it():
         noise = Noise(duration, diffusion, nodes, offsets, np.abs(offsets[:, 0]).max())
         states, codes = path_ends(0.3, 0.4, 1, dynamics.segment(0.0, duration), dynamics.block, noise)
         assert codes.tolist() == [1] * len(nodes)
-        _, wanted = flown(alpha, forcing, np.array([[0.3], [0.4]]), duration, diffusion)
+        _, exact_covariance = flown(alpha, forcing, np.array([[0.3], [0.4]]), duration, diffusion)
         away = states - weights @ states
-        errors.append(abs(weights @ away[:, 1] ** 2 / wanted[2, 0] - 1.0))
+        errors.append(abs(weights @ away[:, 1] ** 2 / exact_covariance[2, 0] - 1.0))
     assert errors[0] < 2e-3
     assert math.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
@@ -251,14 +251,15 @@ def test_sticking_is_that_of_a_slender_block_in_units_of_the_level():
     assert pull < 1.0
 
 
-def test_white_noise_agrees_with_small_steps_of_another_scheme():
-    """20,000 paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
-    alpha, e, diffusion, paths, shaking = 0.45, 0.7, 0.02, 20_000, (4.2, 2.7, math.pi)
+@pytest.mark.parametrize("paths", [4_000, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_white_noise_agrees_with_small_steps_of_another_scheme(paths):
+    """Paths of a leapfrog with impacts, extrapolated: 4 standard errors are wrong once in 16,000 seeds."""
+    alpha, e, diffusion, shaking = 0.45, 0.7, 0.02, (4.2, 2.7, math.pi)
     scene = Scene(Block(e, critical_angle=alpha), Harmonic(*shaking), WhiteNoise(diffusion), Start(0.3, 0.0))
     density = PeriodicPropagator(scene, plane_of(scene, 2), 1e-8).propagate(scene.period * np.arange(3)).survival[1:]
     fine, coarse = survival((alpha, e), scene.overturning.angle, shaking, diffusion, (0.3, 0.0), 2, paths, 400, 3)
-    wanted = 2.0 * fine - coarse
-    assert density == pytest.approx(wanted, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
+    extrapolated = 2.0 * fine - coarse
+    assert density == pytest.approx(extrapolated, abs=2e-3 + 4.0 * math.sqrt(0.09 / paths))
 
 
 def test_filtered_noise_agrees_with_paths():

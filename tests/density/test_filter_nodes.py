@@ -50,9 +50,9 @@ def test_the_transition_between_near_nodes_is_of_fourth_order(noise):
         spread, inner = factor[0] @ factor[0], np.abs(means) < 3.0
         matrix, y = nodes.transition_matrix(lag), nodes.states[..., 0].ravel()
         assert matrix.sum(axis=0) == pytest.approx(np.ones(y.size), abs=1e-12)
-        for power, wanted in enumerate((means, means**2 + spread, means**3 + 3.0 * means * spread), 1):
+        for power, exact_moment in enumerate((means, means**2 + spread, means**3 + 3.0 * means * spread), 1):
             assert (y**power @ matrix)[inner] == pytest.approx(
-                wanted[inner], abs=1e-6
+                exact_moment[inner], abs=1e-6
             )  # of what is beyond 6 deviations
         errors.append(np.std((np.cos(y) @ matrix - np.cos(means) * np.exp(-0.5 * spread))[inner]))
     assert np.polyfit(np.log(spacings), np.log(errors), 1)[0] == pytest.approx(4.0, abs=0.15)

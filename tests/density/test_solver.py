@@ -136,9 +136,9 @@ def test_the_tolerance_of_the_bins_is_refused_by_name_or_left_out():
     for wrong in (0.0, -1.0, math.nan):
         with pytest.raises(ValueError, match=r"^bins_tol: got "):
             solve_fpk(MAIN, cycles=1, tol=1e-2, bins_tol=wrong)
-    left_out, wanted = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 5e-3))
+    left_out, within = (solve_fpk(MAIN, cycles=2, tol=1e-2, bins_tol=most) for most in (math.inf, 5e-3))
     assert left_out.settings["angle_cells"] == mesh_of(MAIN, RESOLUTIONS[2], 2).cells[0]
-    assert left_out.bins_error_estimate > 5e-3 >= wanted.bins_error_estimate
+    assert left_out.bins_error_estimate > 5e-3 >= within.bins_error_estimate
 
 
 def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeypatch):

@@ -193,7 +193,9 @@ tell.
 """
 
 
-@pytest.mark.parametrize("name", FROM_REST)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith("record")) for name in FROM_REST]
+)
 def test_blocks_that_rest_before_they_are_lifted_off_agree_with_paths(name):
     """Survival off by .03 to 1 where a block at rest was left there until |f| = .5, and by .03 where a long flight had
     the mean of D; false alarms 1e-3 a scene.
@@ -212,11 +214,11 @@ def test_noise_that_begins_late_is_solved():
     """
     noise = WhiteNoise(0.0079, Trapezoid(2.2, 6.1, 5.2))
     scene = Scene(Block(None, Dimensions(0.34, 2.04)), Harmonic(1.12, 3.81, 0.0), noise)
-    space, found = at_resolution(0, scene, scene.period * np.arange(1, 9))
+    space, solution = at_resolution(0, scene, scene.period * np.arange(1, 9))
     survival = 1.0 - np.array([0.0242, 0.0436, 0.0608])
-    assert (np.abs(found.survival[-3:] - survival) <= 3.5 * np.sqrt(survival * (1.0 - survival) / 20_000)).all()
-    assert [bool(row) for row in found.resolved] == [False, False, True, True, True, True, True, True, False]
-    assert max(map(space.negative_mass, found.coefficients[1:])) < 0.2
+    assert (np.abs(solution.survival[-3:] - survival) <= 3.5 * np.sqrt(survival * (1.0 - survival) / 20_000)).all()
+    assert [bool(row) for row in solution.resolved] == [False, False, True, True, True, True, True, True, False]
+    assert max(map(space.negative_mass, solution.coefficients[1:])) < 0.2
 
 
 def test_a_start_is_carried_on_patches_past_the_time_within_which_a_mesh_should_take_over():

@@ -171,7 +171,7 @@ def bounce_errors(share, angle, monkeypatch):
     return errors
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.3])
+@pytest.mark.parametrize("angle", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_bounces_under_a_changing_force_converge(angle, monkeypatch):
     """Against the exact flight, at most 1e-3 off: fourth order of the duration in speed and third in time."""
     errors_of_shares = [bounce_errors(share, angle, monkeypatch) for share in (0.5, 0.25, 0.125)]
@@ -197,6 +197,7 @@ def test_bounces_keep_the_energy_balance(monkeypatch):
     assert errors[1] > 0.1
 
 
+@pytest.mark.slow
 def test_a_rattling_block_has_the_speeds_of_the_quasi_steady_layer():
     """Impact speeds have the law w exp(-w/s) / s^2, s = 4 D / (3 (1 - e^2) (1 - f^2)), for e near 1 (docs/theory).
 

@@ -171,8 +171,9 @@ def test_runge_kutta_steps_of_a_body_converge_to_its_path():
     assert np.polyfit(np.log([50, 100, 200]), np.log(errors), 1)[0] == pytest.approx(-4.0, abs=0.5)
 
 
+@pytest.mark.parametrize("size", [pytest.param(1, id="few"), pytest.param(10, marks=pytest.mark.slow, id="many")])
 @pytest.mark.parametrize("kind", ["white", "filtered"])
-def test_bodies_under_noise_fall_as_often_as_in_metres_and_seconds(kind):
+def test_bodies_under_noise_fall_as_often_as_in_metres_and_seconds(kind, size):
     """To either side, within what four times as many steps change and 5 standard errors: a false alarm in a million."""
     alpha, rate = rates(LENGTHS)
     unit, end = G * alpha, 6.0 * SHAKING.period / rate
@@ -184,13 +185,14 @@ def test_bodies_under_noise_fall_as_often_as_in_metres_and_seconds(kind):
     def base(time):
         return -1.3 * unit * math.cos(2.2 * rate * time + 0.4)
 
+    paths = 1_000 * size
     coarse, fine = (
-        np.array(body_paths.overturned(LENGTHS, 0.5 * math.pi * alpha, base, random, end, 10_000, steps, seed=steps))
-        for steps in (1_200, 4_800)
+        np.array(body_paths.overturned(LENGTHS, 0.5 * math.pi * alpha, base, random, end, paths, steps, seed=steps))
+        for steps in (1_200, 4_800 if size > 1 else 2_400)
     )
     ensemble = simulate(Scene(Block(body=STATUE), SHAKING, noise), cycles=6, realizations=20_000, seed=5)
     shares = np.array([np.mean(ensemble.overturn_side == side) for side in (-1, 1)])
-    spread = np.sqrt(shares * (1.0 - shares) * (1.0 / 20_000 + 1.0 / 10_000))
+    spread = np.sqrt(shares * (1.0 - shares) * (1.0 / 20_000 + 1.0 / paths))
     assert np.all(np.abs(shares - fine) < np.abs(fine - coarse) + 5.0 * spread)
     assert shares.min() > 0.02
 

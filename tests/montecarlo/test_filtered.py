@@ -138,19 +138,21 @@ def test_survival_is_that_of_an_independent_program(scene, cycles, truth):
     assert abs(survival - truth) < 3.5 * error + 5e-4
 
 
-def test_survival_under_clough_penzien_noise_is_that_of_small_steps():
-    """40,000 paths against 10,000 in steps of 1/400 of a cycle; one false alarm in a thousand: 3.6 standard errors.
+@pytest.mark.parametrize("paths", [2_000, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_survival_under_clough_penzien_noise_is_that_of_small_steps(paths):
+    """40,000 paths against fewer in steps of 1/400 of a cycle; one false alarm in a thousand: 3.6 standard errors.
 
     Kanai-Tajimi noise without the second filter leaves .24 fewer after three cycles.
     """
     scene = scene_of(FilteredNoise(CloughPenzien(15.0, 0.6, 1.5, 0.4), 1.2))
     sampled = simulate(scene, cycles=3, realizations=40_000, seed=3).survival[1:]
-    truth = survival(soil(15.0, 0.6, 1.5, 0.4), 1.2, 4.6, 2.7, 0.5, 0.5 * math.pi, 3, 10_000, 400, 1)
+    truth = survival(soil(15.0, 0.6, 1.5, 0.4), 1.2, 4.6, 2.7, 0.5, 0.5 * math.pi, 3, paths, 400, 1)
     assert 0.5 < truth[-1] < 0.95
-    error = np.sqrt(truth * (1.0 - truth) * (1.0 / 40_000 + 1.0 / 10_000))
+    error = np.sqrt(truth * (1.0 - truth) * (1.0 / 40_000 + 1.0 / paths))
     assert np.all(np.abs(sampled - truth) < 3.6 * error + 5e-4)
 
 
+@pytest.mark.slow
 def test_fast_filters_approach_white_noise():
     """Exponential noise of correlation time .025 at the main scene's diffusion; white: .8627, .4697.
 

@@ -21,13 +21,14 @@ drawn = pytest.mark.parametrize("noise", [*NOISES, SOIL, THIRD], ids=lambda nois
 
 
 @drawn
-def test_sampled_noise_has_the_autocovariance(noise):
-    """The noise at four grid times and the flights between them, 100,000 paths; false alarm 6 x 6e-4.
+@pytest.mark.parametrize("n", [20_000, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_sampled_noise_has_the_autocovariance(noise, n):
+    """The noise at four grid times and the flights between them, n paths; false alarm 6 x 6e-4.
 
     Of n paths a sample covariance has the variance (c_ii c_jj + c_ij²)/n. The largest of 55 entries is below 4.5
     standard errors but for a probability of 4e-4.
     """
-    scene, n, grid = scene_of(noise), 100_000, 4
+    scene, grid = scene_of(noise), 4
     parameters = with_intervals(scene, 24)
     values, flights = noise_of(parameters, grid, n)
     h, nodes = parameters.grid.spacing, np.polynomial.legendre.leggauss(48)
@@ -60,7 +61,7 @@ def _mean(noise, first, second):
 
 
 @drawn
-@pytest.mark.parametrize("intervals", [24, 400])
+@pytest.mark.parametrize("intervals", [24, pytest.param(400, marks=pytest.mark.slow)])
 def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     """A flight by the polynomial ends where the drawn one does, to rounding, and the polynomial has the drawn noise."""
     parameters = with_intervals(scene_of(noise), intervals)
@@ -83,14 +84,15 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
             )
 
 
-@pytest.mark.parametrize("noise", NOISES[1:], ids=lambda one: f"{one.filter}-{one.damping}")
-def test_parts_of_intervals_have_the_law_of_the_noise(noise):
-    """Noise and flights over the parts of two intervals, 40,000 paths; false alarm 3 x 3e-3.
+@pytest.mark.parametrize("n", [10_000, pytest.param(40_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("noise", NOISES[1:], ids=lambda noise: f"{noise.filter}-{noise.damping}")
+def test_parts_of_intervals_have_the_law_of_the_noise(noise, n):
+    """Noise and flights over the parts of two intervals, n paths; false alarm 3 x 3e-3.
 
     Those of grid intervals as short have been compared with the autocovariance above. The largest of 4,656 differences
     of two sample covariances is below 5 standard errors but for a probability of 3e-3.
     """
-    scene, n, count = scene_of(noise), 40_000, filtered_noise.TUNING.filtered_parts
+    scene, count = scene_of(noise), filtered_noise.TUNING.filtered_parts
     coarse, fine = with_intervals(scene, 24), with_intervals(scene, 24 * count)
     assert len(coarse.noise.parts.gain) == count
     states, flights = parts_of(coarse, 2, n)
@@ -169,8 +171,8 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
     filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
     for j in range(len(parameters.envelope.response)):
         filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
-        whole = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)
-        assert interval(0.8, 0.1, 1, 0, j, parameters, workspace, True) == pytest.approx(whole, abs=1e-13)
+        end_by_tables = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)
+        assert interval(0.8, 0.1, 1, 0, j, parameters, workspace, True) == pytest.approx(end_by_tables, abs=1e-13)
         pieces = range(parameters.envelope.first[j], parameters.envelope.first[j + 1])
         cut += len(pieces) > 1
         begins, values = parameters.envelope.begins[pieces], parameters.envelope.strength[pieces, 0]

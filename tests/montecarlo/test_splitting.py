@@ -76,7 +76,7 @@ def lattice(walkers, steps, top, rough, repeats):
 
 
 @pytest.mark.parametrize(
-    ("rough", "walkers"), [pytest.param(False, 3, marks=pytest.mark.slow), (False, 12), (True, 12)]
+    ("rough", "walkers"), [*(pytest.param(False, count, marks=pytest.mark.slow) for count in (3, 12)), (True, 12)]
 )
 def test_lattice_walk_is_split_without_bias(rough, walkers):
     """Ties at every level, extinctions, a good score and a bad one: exact by 10, 20 and 30; false alarm 9 x 6e-5."""

@@ -187,13 +187,14 @@ def test_an_unforced_block_bounces_as_it_must(angle, diffusion):
     assert np.abs(balances.mean(axis=1) / error).max() < 4.0
 
 
-def test_survival_is_that_of_an_independent_program():
-    """100,000 paths against 20,000 in small steps; false alarm 3 x 6e-5."""
+@pytest.mark.parametrize("paths", [4_000, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_survival_is_that_of_an_independent_program(paths):
+    """100,000 paths against fewer in small steps; false alarm 3 x 6e-5."""
     scene = WHITE.varied(noise=WhiteNoise(0.012))
     ensemble = simulate(scene, cycles=3, realizations=100_000, seed=4)
     forcing = scene.forcing.amplitude, scene.forcing.frequency, scene.forcing.phase
-    fine, coarse = white_paths.survival((ALPHA, 0.8), CUTOFF, forcing, 0.012, (0.0, 0.0), 3, 20_000, 240, 6)
-    error = np.sqrt(fine * (1.0 - fine) / 20_000 + ensemble.survival[1:] * (1.0 - ensemble.survival[1:]) / 100_000)
+    fine, coarse = white_paths.survival((ALPHA, 0.8), CUTOFF, forcing, 0.012, (0.0, 0.0), 3, paths, 240, 6)
+    error = np.sqrt(fine * (1.0 - fine) / paths + ensemble.survival[1:] * (1.0 - ensemble.survival[1:]) / 100_000)
     assert 0.1 < fine[-1] < 0.9
     assert np.abs(coarse - fine).max() < 0.01
     assert np.abs((ensemble.survival[1:] - fine) / error).max() < 4.0

@@ -66,7 +66,7 @@ def test_stratified_frequencies_are_one_in_each_part_of_the_band():
     assert kstest(places.ravel(), "uniform").pvalue > 1e-3
 
 
-@pytest.mark.parametrize("count", [1, 2, 8])
+@pytest.mark.parametrize("count", [1, *(pytest.param(count, marks=pytest.mark.slow) for count in (2, 8))])
 def test_stratified_noise_is_gaussian_whatever_the_number_of_harmonics(count):
     """At one time and between two, of 20,000 realizations; false alarm 2e-3. Equal amplitudes fail with p < 1e-20."""
     drawn = [draw(number, count=count, frequencies="stratified") for number in range(20_000)]

@@ -70,7 +70,7 @@ def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle
     assert low(angle.deriv(2)) == pytest.approx(low(-push * cosine - sine / alpha), abs=1e-13)
 
 
-@pytest.mark.parametrize("rounds", [25, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("rounds", [8, pytest.param(100, marks=pytest.mark.slow)])
 def test_paths_of_random_scenes_agree_with_a_general_integrator(rounds):
     # Compared at every segment's end up to tau = 4 while chaos, by the oracle's own bound, keeps the error below 1e-9.
     rng, events, compared = np.random.default_rng(20), Counter(), 0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Dimensions, Record, Scene
-from fpk_rocking.physics.forcing.record import MOST
+from fpk_rocking.physics.forcing.files import MOST
 
 SAMPLES = np.random.default_rng(3).normal(size=60)
 

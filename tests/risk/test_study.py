@@ -91,8 +91,8 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
         assert values["motions"]["pgv_m_per_s"][n] == pytest.approx(pgv, rel=1e-9)
     rms = math.sqrt(scenes[0].noise.variance) * SIZE.critical_angle
     assert f"rms {rms:.3g} g, 0 to {8.0 / SIZE.frequency(1.0):.3g} Hz" in page
-    told = [f"{value:.2e}".replace("e-0", "e-") for value in (risk.rate, *values["risk"]["interval"])]
-    assert "annual rate of overturning = {} (95 %: {} to {})".format(*told) in page
+    rates = [f"{value:.2e}".replace("e-0", "e-") for value in (risk.rate, *values["risk"]["interval"])]
+    assert "annual rate of overturning = {} (95 %: {} to {})".format(*rates) in page
     # The headline stands once, the forcing of the scene file, which the records replace, nowhere.
     visible = page[page.index("<h1>") : page.index("<script")]
     assert visible.count("annual rate of overturning") == 1

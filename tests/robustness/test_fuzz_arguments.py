@@ -129,7 +129,7 @@ ALSO = {
 
 
 @pytest.mark.parametrize(("entry", "name"), [(entry, name) for entry, (_, _, bad) in ENTRIES.items() for name in bad])
-@fuzz.sizes(8, 150)
+@fuzz.sizes(4, 150)
 def test_a_bad_argument_is_refused_by_name(examples, entry, name, tmp_path, monkeypatch):
     call, good, bad = ENTRIES[entry]
     monkeypatch.chdir(tmp_path)

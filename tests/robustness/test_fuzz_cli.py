@@ -76,7 +76,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@fuzz.sizes(150, 2000)
+@fuzz.sizes(50, 2000)
 def test_any_arguments_give_a_result_or_one_line(examples, folder):
     def claim(command, options):
         arguments = [command, "scene.toml", *FEW[command]]

@@ -94,7 +94,7 @@ def damaged(content, damage):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@fuzz.sizes(120, 4000)
+@fuzz.sizes(40, 4000)
 def test_damaged_files_are_refused_or_read_unchanged(examples, kind, saved, tmp_path):
     cls, path, intact = saved[kind]
     expected = content(cls.load(path))

@@ -43,7 +43,7 @@ def check(ensemble):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@fuzz.sizes(60, 1200)
+@fuzz.sizes(20, 1200)
 def test_extreme_scenes_are_simulated_consistently_or_refused(examples, method):
     simulate(fuzz.scene(noise=fuzz.WhiteNoise(0.006) if method == "white" else fuzz.NoNoise()), method=method, **FEW)
 

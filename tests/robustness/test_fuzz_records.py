@@ -47,7 +47,7 @@ def spoiled(draw, text):
 
 
 @pytest.mark.parametrize("name", TEXTS)
-@fuzz.sizes(80, 4000)
+@fuzz.sizes(30, 4000)
 def test_spoiled_record_files_are_read_as_finite_or_refused(examples, name, tmp_path):
     (text, units), path = TEXTS[name], tmp_path / name
     names = "forcing.file", "forcing.interval", "forcing.units"

@@ -78,13 +78,13 @@ def spoiled_texts(draw):
     return text[: draw(st.sampled_from([None] * 6 + [len(text) // 2, len(text) - 3]))]
 
 
-@fuzz.sizes(300, 12000)
+@fuzz.sizes(100, 12000)
 def test_spoiled_texts_are_read_as_equal_scenes_or_refused_by_name(examples):
     fuzz.hold(examples, claim_text, text=spoiled_texts())
 
 
 @pytest.mark.parametrize("part", fuzz.PARTS)
-@fuzz.sizes(40, 1600)
+@fuzz.sizes(20, 1600)
 def test_parts_take_or_name_any_value(examples, part):
     """One parameter after another, and all at once: refused by its own name, or finite in the end."""
     cls, strategies = fuzz.PARTS[part]

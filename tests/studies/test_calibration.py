@@ -47,11 +47,11 @@ def test_outcomes_are_those_of_single_paths(fitted):
     rng = np.random.default_rng(2)
     places = list(zip(*(rng.integers(0, size, 60) for size in fitted.overturns.shape), strict=True))
     values = [dict(zip(("frequency_parameter", "restitution"), row, strict=True)) for row in fitted.draws]
-    wanted = [overturns(MOTIONS[n], critical_angle=fitted.angles[j], **values[k]) for n, k, j in places]
-    got = [bool(fitted.overturns[place]) for place in places]
-    assert 0.2 < np.mean(wanted) < 0.8
+    by_single_paths = [overturns(MOTIONS[n], critical_angle=fitted.angles[j], **values[k]) for n, k, j in places]
+    overturned = [bool(fitted.overturns[place]) for place in places]
+    assert 0.2 < np.mean(by_single_paths) < 0.8
     # Between two angles at which it does the same, a block is taken to do so.
-    assert np.count_nonzero(np.not_equal(got, wanted)) <= 1
+    assert np.count_nonzero(np.not_equal(overturned, by_single_paths)) <= 1
 
 
 def blocks_about_a_draw(fitted):
@@ -221,15 +221,15 @@ def test_a_centre_of_mass_off_the_middle_makes_the_other_side_harder():
 def test_outcomes_of_bodies_are_those_of_single_paths():
     names, angles = ("frequency_parameter", "restitution", "offset"), np.geomspace(0.05, 0.15, 9)
     values = np.array([[RATE, 0.8, 0.2], [RATE, 0.8, -0.2], [RATE, 0.9, 0.0], [4.0, 0.8, 0.2]])
-    got = outcomes_of(block_scenes(names, values, angles, 1.57, MOTIONS), MOTIONS[8:14])
-    wanted = np.zeros_like(got)
-    for n, k, j in np.ndindex(got.shape):
+    overturned = outcomes_of(block_scenes(names, values, angles, 1.57, MOTIONS), MOTIONS[8:14])
+    by_single_paths = np.zeros_like(overturned)
+    for n, k, j in np.ndindex(overturned.shape):
         block = dict(zip(names, values[k], strict=True))
-        wanted[n, k, j] = overturns(MOTIONS[8 + n], overturning=1.57, critical_angle=angles[j], **block)
-    assert (got[:, 0] != got[:, 1]).any()
+        by_single_paths[n, k, j] = overturns(MOTIONS[8 + n], overturning=1.57, critical_angle=angles[j], **block)
+    assert (overturned[:, 0] != overturned[:, 1]).any()
     # Between two angles at which it does the same, a block is taken to do so.
-    assert (got[..., ::2] == wanted[..., ::2]).all()
-    assert np.count_nonzero(got != wanted) <= 2
+    assert (overturned[..., ::2] == by_single_paths[..., ::2]).all()
+    assert np.count_nonzero(overturned != by_single_paths) <= 2
 
 
 def test_housner_is_the_restitution_without_a_prior():

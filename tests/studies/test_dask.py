@@ -57,6 +57,7 @@ def test_a_worker_killed_in_the_middle(client, tmp_path):
     assert store.read_bytes().count(b"\n") == 16
 
 
+@pytest.mark.slow
 def test_a_cell_that_no_worker_survives_is_a_row(client, tmp_path):
     client.cluster.scheduler.allowed_failures = 0
     sweep_result = sweep(GRID, study_tasks.deadly, workers=client.get_executor(), folder=str(tmp_path), times=99)
@@ -85,6 +86,7 @@ def scheduler_and_worker(folder):
             process.wait()
 
 
+@pytest.mark.slow
 def test_a_scheduler_killed_in_the_middle(distributed, tmp_path):
     """A plain error; the rows that came are kept, and the sweep goes on from them without the cluster."""
     store, scenes = tmp_path / "rows.jsonl", GRID.scenes * 3

@@ -4,7 +4,7 @@ import dataclasses
 import functools
 import math
 import pathlib
-from typing import ClassVar, Self
+from typing import ClassVar, Self, cast
 
 import numpy as np
 
@@ -12,7 +12,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
 from fpk_rocking.physics.forcing.baseline import BASELINES, CORNER_HZ, Drift, corners, corrected, drift_of
-from fpk_rocking.physics.forcing.files import MOST, UNITS, read, unit_of
+from fpk_rocking.physics.forcing.files import UNITS, read, unit_of
+from fpk_rocking.physics.forcing.samples import Samples
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 
@@ -72,7 +73,7 @@ class Record(TransientForcing):
 
     def __post_init__(self):
         checks.keep_numbers(self, "forcing", "interval", above=0.0)
-        checks.keep(self, samples=_samples(self.samples), units=_unit(self.units))
+        checks.keep(self, samples=Samples.of(self.samples), units=_unit(self.units))
         checks.keep_numbers(self, "forcing", "scale")
         checks.keep(self, source=checks.sentence("forcing.source", self.source))
         checks.keep(self, event=checks.sentence("forcing.event", self.event))
@@ -203,27 +204,47 @@ class Record(TransientForcing):
         with np.errstate(over="ignore", invalid="ignore"):
             return self._bound_size.amplitude(self.scale * UNITS[self.units] * self.corrected_samples)
 
-    @functools.cached_property
+    @property
     def corrected_samples(self) -> Array:
         """Accelerations that act, (n,), in the unit of the samples, before `scale`: without what `baseline` removes."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            return corrected(np.array(self.samples), self.interval, self.baseline, self.corner_hz)
 
-    @functools.cached_property
+        def compute():
+            """Correct the samples."""
+            with np.errstate(over="ignore", invalid="ignore"):
+                return corrected(self._samples.array, self.interval, self.baseline, self.corner_hz)
+
+        return self._samples.once(("samples", *self._correction_of), compute)
+
+    @property
+    def _samples(self) -> Samples:
+        """The samples, which keep what does not depend on `scale`."""
+        return cast("Samples", self.samples)
+
+    @property
+    def _correction_of(self) -> tuple[float, str, float]:
+        """What `corrected_samples` depend on beside the samples."""
+        return self.interval, self.baseline, self.corner_hz
+
+    @property
     def drift(self) -> Drift:
         """Velocities and accelerations, a `Drift`, of the samples that act, before and after "high-pass" corrects them.
 
         They are in m/s and m/s², before `scale` multiplies. Where the interval does not resolve the corner it is
         "linear" that corrects.
         """
-        low, high = corners(self.interval)
-        kind = "high-pass" if low <= self.corner_hz <= high else "linear"
-        with np.errstate(over="ignore", invalid="ignore"):
-            straight = corrected(self.corrected_samples, self.interval, kind, self.corner_hz)
-            unit = UNITS[self.units]
-            return drift_of(unit * self.corrected_samples, unit * straight, self.interval)
 
-    @functools.cached_property
+        def compute():
+            """Remove it and compare."""
+            low, high = corners(self.interval)
+            kind = "high-pass" if low <= self.corner_hz <= high else "linear"
+            with np.errstate(over="ignore", invalid="ignore"):
+                straight = corrected(self.corrected_samples, self.interval, kind, self.corner_hz)
+                unit = UNITS[self.units]
+                return drift_of(unit * self.corrected_samples, unit * straight, self.interval)
+
+        return self._samples.once(("drift", self.units, *self._correction_of), compute)
+
+    @property
     def correction(self) -> Drift:
         """Velocities and accelerations, a `Drift`, of the samples before and after `baseline` corrects them.
 
@@ -231,7 +252,7 @@ class Record(TransientForcing):
         """
         unit = UNITS[self.units]
         with np.errstate(over="ignore", invalid="ignore"):
-            return drift_of(unit * np.array(self.samples), unit * self.corrected_samples, self.interval)
+            return drift_of(unit * self._samples.array, unit * self.corrected_samples, self.interval)
 
     @property
     def implausible(self) -> list[str]:
@@ -327,15 +348,3 @@ def _unit(text):
 def _unsized():
     """Return the ValueError that refuses a record with a block without dimensions; it is not raised here."""
     return ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
-
-
-def _samples(value):
-    """Return a sequence of samples as a tuple of floats, or raise TypeError or ValueError."""
-    accepted = f"a list of 2 to {MOST} finite numbers"
-    array = checks.array("forcing.samples", value, accepted)
-    if array.ndim != 1 or not 2 <= array.size <= MOST:
-        raise ValueError(checks.refusal("forcing.samples", f"an array of shape {array.shape}", accepted))
-    wild = np.flatnonzero(~np.isfinite(array))
-    if wild.size:
-        raise ValueError(checks.refusal(f"forcing.samples[{wild[0]}]", float(array[wild[0]]), accepted))
-    return tuple(array.tolist())

@@ -81,7 +81,9 @@ class TransientForcing(Forcing):
         # After the end P = P(end) exp(-since); a piece from there need not reach as far.
         decay = np.exp(-since)
         ended = node == last
-        powers, order = since[:, None] ** np.arange(TERMS), np.arange(1, TERMS)
+        # Instants on a grid have few such times, and a power costs as much as all else of an instant.
+        few, place = np.unique(since, return_inverse=True)
+        powers, order = (few[:, None] ** np.arange(TERMS))[place], np.arange(1, TERMS)
         p = np.where(ended, p * decay, (near * powers).sum(axis=1))
         q = np.where(ended, q * decay, (near[:, 1:] * order * powers[:, :-1]).sum(axis=1))
         return particular_series(p, q, self.series(times))
@@ -117,9 +119,8 @@ class TransientForcing(Forcing):
         weights = 0.5 * spacing * point_weights
         before, after = forces @ (weights * np.exp(inside - spacing)), forces @ (weights * np.exp(-inside))
         fade = math.exp(-spacing)
-        left = np.fromiter(itertools.accumulate(before, lambda sum_, new: sum_ * fade + new, initial=0.0), float)
-        right = np.fromiter(itertools.accumulate(after[::-1], lambda sum_, new: sum_ * fade + new, initial=0.0), float)
-        right = right[::-1]
+        left = np.array(_faded_sums(before, fade))
+        right = np.array(_faded_sums(after[::-1], fade))[::-1]
         return spacing, np.stack([-0.5 * (left + right), 0.5 * (left - right)], axis=-1)
 
     def particular(self, time: float) -> tuple[float, float]:
@@ -218,3 +219,8 @@ class TransientForcing(Forcing):
         if not before.size:
             return math.inf, 0.0
         return max(time - float(before[-1]), 0.0), abs(self.slope(float(before[-1])))
+
+
+def _faded_sums(gains, fade):
+    """Return sums (n + 1) as a list from 0 on: each is `fade` times the last one and one of the `gains` (n,)."""
+    return list(itertools.accumulate(gains.tolist(), lambda last, gain: last * fade + gain, initial=0.0))

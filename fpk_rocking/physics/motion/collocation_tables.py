@@ -1,5 +1,6 @@
 """Tables and tuned numbers of flights by Gauss-Legendre collocation (`collocation`)."""
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -45,10 +46,11 @@ class FlightTables(NamedTuple):
     sinh: float
 
 
+@functools.lru_cache(maxsize=64)
 def flight_tables(span: float) -> FlightTables:
     """Return the `FlightTables`, a named tuple of arrays over the Gauss points, of flights of the duration `span`.
 
-    The duration is nondimensional.
+    The duration is nondimensional. The arrays are cached, so that nothing may write to them.
     """
     points, weights = gauss_legendre(24, -1.0, 1.0)
     ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
