@@ -19,14 +19,12 @@ from fpk_rocking.studies.capacities import Capacities
 from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws
 from fpk_rocking.studies.jumps import farthest_scale, first_scale, last_scale
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, fit_rows
+from fpk_rocking.studies.lognormal import LognormalFit, fit_rows
 from fpk_rocking.studies.motions import intensity_of, measure_of
+from fpk_rocking.studies.suites import binomial_limits, name_sources, outcome_steps, suite_fields, with_intervals
 
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
-
-_TESTED = np.linspace(-2.5, 2.5, 41)
-"""Where a fit to outcomes without noise is tested if some motions stand in the end, in dispersions from its median."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -156,12 +154,12 @@ class IntensityCurve(Result):
         """
         if not len(self.jumps):
             return self.intensity, self.probability, self.interval
-        places, share = _steps(self.jumps)
+        places, share = outcome_steps(self.jumps)
         if not places.size:
             places, share = np.array([self.reach]), np.zeros(1)
         if self.units == 1:
             return places, share, np.stack([share, share], axis=-1)
-        return places, share, _binomial(share, self.units)
+        return places, share, binomial_limits(share, self.units)
 
     def limits(self, intensity: Array) -> tuple[Array, Array]:
         """Return 95 % limits of the probability by the outcomes, fit or no fit.
@@ -343,19 +341,19 @@ class IntensityCurve(Result):
                 capacities = Capacities.of(intensity, shares, trials, motion)
             else:
                 capacities = Capacities.of_jumps(rows, ends, motion)
-                places, share = _steps(common["jumps"])
+                places, share = outcome_steps(common["jumps"])
                 known = places <= common["reach"]
                 steps = places[known], share[known], common["reach"]
             values = {} if draws is None else draws.values
-            suite = _of_suite(capacities, intensity, shares, trials, values, samples, rng, steps)
-            return cls(**common, **suite | _named(suite, records.size))
+            suite = suite_fields(capacities, intensity, shares, trials, values, samples, rng, steps)
+            return cls(**common, **suite | name_sources(suite, records.size))
         fit, replicates = fragility.fits[0][which], np.empty((0, 2))
         if trials and not fit.reason and not fragility.deterministic[0]:
             drawn = rng.binomial(trials, fit(fragility.scale[answered]), (samples, intensity.size)) / trials
             _, middle, spread, _ = fit_rows(np.log(intensity), drawn)
             replicates = np.stack([np.exp(middle), spread], axis=-1)
         limits = fragility.interval()[0, which, answered]
-        fit = _with_intervals(fit._replace(median=fit.median * at_one[0]), replicates)
+        fit = with_intervals(fit._replace(median=fit.median * at_one[0]), replicates)
         noise, error = {}, {}
         if not fit.reason:
             noise, error = {"noise": fit.dispersion}, {"noise": replicates[:, 1].std() if len(replicates) else math.nan}
@@ -363,83 +361,3 @@ class IntensityCurve(Result):
             **common, probability=shares[0], interval=limits, fit=fit, replicates=replicates, records=1, sources=noise,
             source_errors=error,
         )  # fmt: skip
-
-
-def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng, steps):
-    """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows.
-
-    `capacities` are those of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
-    realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. `steps`:
-    intensities (k,) at which an outcome changes, the mean there, and up to where they are known; None of samples.
-    "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
-    """
-    mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
-    fields = {"probability": mean, "units": units, "replicates": np.empty((0, 2)), "interval": _binomial(mean, units)}
-    places, share, reach = (intensity, mean, math.inf) if steps is None else steps
-    fit = fit_lognormal(intensity, mean) if steps is None else LognormalFit()
-    if not fit.reason and capacities.complete.size < 2:
-        where = "within these intensities" if steps is None else "for good"
-        fit = LognormalFit(reason=f"fewer than two motions overturn a block {where}")
-    if fit.reason:
-        return fields | {"fit": fit}
-    population, values = capacities.draws(samples, rng)
-    spreads = np.linalg.norm(population[:, 1:], axis=1)
-    # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
-    with np.errstate(over="ignore"):
-        fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
-    if steps is not None:
-        fit = LognormalFit(*capacities.moments(population))
-        fit = fit._replace(misfit=float(np.abs(fit(places) - share).max(initial=0.0)))
-        # Apart from the jumps: those of simulated suites lie elsewhere, and a distance is largest at a jump.
-        places, known = fit.median * np.exp(fit.dispersion * _TESTED), places
-        places = places[places <= reach]
-        share = np.append(0.0, share)[np.searchsorted(known, places, side="right")]
-    p_value = capacities.p_value(np.log(places), share, trials, rng)
-    fit = _with_intervals(fit._replace(p_value=p_value), fields["replicates"])
-    if not fit.rejected:
-        points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / spreads[:, None])
-        fields["interval"] = np.quantile(points, [0.025, 0.975], axis=0).T
-    sources = {"noise": (capacities.noise, capacities.noise * capacities.noise_error)} if capacities.noise else {}
-    sources |= capacities.parts(values, drawn) if drawn else {}
-    rest = math.sqrt(max(fit.dispersion**2 - sum(value**2 for value, _ in sources.values()), 0.0))
-    sources["record to record"] = rest, float(np.diff(np.quantile(population[:, 1], [0.16, 0.84]))[0]) / 2.0
-    return fields | {"fit": fit, "sources": sources}
-
-
-def _named(suite, records):
-    """Return a dict of fields of an `IntensityCurve`: "records" (int), "sources" and "source_errors" (float by name).
-
-    `suite`: what `_of_suite` returns; of one record there is no part "record to record".
-    """
-    sources = {
-        name: part for name, part in suite.get("sources", {}).items() if records > 1 or name != "record to record"
-    }
-    values, errors = ({name: part[place] for name, part in sources.items()} for place in (0, 1))
-    return {"records": records, "sources": values, "source_errors": errors}
-
-
-def _steps(jumps):
-    """Intensities (k,), just before each of the jumps (r, b, k) and at it, and the share that overturns there."""
-    signs = np.broadcast_to(1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2), jumps.shape)
-    finite = np.isfinite(jumps)
-    places, number = np.unique(jumps[finite], return_inverse=True)
-    rises = np.bincount(number, signs[finite], places.size) / (jumps.shape[0] * jumps.shape[1])
-    share = np.cumsum(rises)
-    pairs = np.stack([(1.0 - 1e-9) * places, places], axis=-1), np.stack([share - rises, share], axis=-1)
-    return tuple(np.clip(values.ravel()[1:], 0.0, np.inf) for values in pairs)
-
-
-def _binomial(mean, count):
-    """Return Clopper's and Pearson's 95 % limits (n, 2) of a `mean` (n,) over `count` independent outcomes."""
-    happened = mean * count
-    low = scipy.special.betaincinv(np.maximum(happened, 1e-300), count - happened + 1.0, 0.025)
-    high = scipy.special.betaincinv(happened + 1.0, np.maximum(count - happened, 1e-300), 0.975)
-    return np.stack([np.where(happened > 0.0, low, 0.0), np.where(happened < count, high, 1.0)], axis=-1)
-
-
-def _with_intervals(fit, replicates):
-    """Return a `LognormalFit` with the 95 % intervals of `replicates` (b, 2), medians and dispersions; nan without."""
-    if not len(replicates) or fit.reason:
-        return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))
-    (low, narrow), (high, wide) = np.quantile(replicates, [0.025, 0.975], axis=0).tolist()
-    return fit._replace(median_interval=(low, high), dispersion_interval=(narrow, wide))
