@@ -1,8 +1,9 @@
 """`probability` against ten times the paths: is the truth inside answer ± error, and what does the answer cost.
 
 The scenes are drawn at random, in turn of these kinds: exact blocks under band noise, white noise, filtered noise, a
-pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths,
-or as many as `--truth-s` processor seconds take; of a rare probability of which these see few, splitting. Hindsight is
+pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths;
+where these take more than `--truth-s` processor seconds, as many as bring its standard error to a third of the answer's
+error, or as near as those seconds bring it; of a rare probability of which these see few, splitting. Hindsight is
 the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at the speed of
 the reference; under white noise the density too, where its error is small enough, or splitting.
 
@@ -123,8 +124,10 @@ def _truth(scene, rows, answer, truth_s):
     begin = time.process_time()
     simulate(scene, realizations=2000, seed=_TRUTH_SEED, **rows)
     path_s = (time.process_time() - begin) / 2000
-    needed = max(answer.overturned * (1.0 - answer.overturned), 1e-12) * (_Z / answer.wanted) ** 2
-    count = int(min(max(10.0 * needed, 20_000), max(truth_s / path_s, 4000)))
+    variance = max(answer.overturned * (1.0 - answer.overturned), 1e-12)
+    tenfold = max(10.0 * variance * (_Z / answer.wanted) ** 2, 20_000)
+    most = max(truth_s / path_s, 4000)
+    count = int(tenfold if tenfold <= most else min(max(variance * (3.0 / answer.error) ** 2, 20_000), most))
     if count * answer.overturned < _FEW and answer.method == "splitting":
         rare = split(scene, walkers=1200, repeats=32, seed=_TRUTH_SEED, **rows)
         return float(rare.probability[-1]), 2.04 * float(rare.standard_error[-1]), path_s
