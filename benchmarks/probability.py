@@ -2,8 +2,8 @@
 
 The scenes are drawn at random, in turn of these kinds: exact blocks under band noise, white noise, filtered noise, a
 pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths;
-where these take more than `--truth-s` processor seconds, as many as bring its standard error to a third of the answer's
-error, or as near as those seconds bring it; of a rare probability of which these see few, splitting. Hindsight is
+where these take more than a fifth of `--truth-s` processor seconds, as many as bring its standard error to a third of
+the answer's error, or as near as `--truth-s` brings it; of a rare probability of which these see few, splitting. Hindsight is
 the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at the speed of
 the reference; under white noise the density too, where its error is small enough, or splitting.
 
@@ -127,7 +127,8 @@ def _truth(scene, rows, answer, truth_s):
     variance = max(answer.overturned * (1.0 - answer.overturned), 1e-12)
     tenfold = max(10.0 * variance * (_Z / answer.wanted) ** 2, 20_000)
     most = max(truth_s / path_s, 4000)
-    count = int(tenfold if tenfold <= most else min(max(variance * (3.0 / answer.error) ** 2, 20_000), most))
+    third = max(variance * (3.0 / answer.error) ** 2, 20_000)
+    count = int(tenfold if 5.0 * tenfold <= most else min(third, most))
     if count * answer.overturned < _FEW and answer.method == "splitting":
         rare = split(scene, walkers=1200, repeats=32, seed=_TRUTH_SEED, **rows)
         return float(rare.probability[-1]), 2.04 * float(rare.standard_error[-1]), path_s
