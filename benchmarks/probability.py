@@ -3,9 +3,9 @@
 The scenes are drawn at random, in turn of these kinds: exact blocks under band noise, white noise, filtered noise, a
 pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths;
 where these take more than a fifth of `--truth-s` processor seconds, as many as bring its standard error to a third of
-the answer's error, or as near as `--truth-s` brings it; of a rare probability of which these see few, splitting. Hindsight is
-the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at the speed of
-the reference; under white noise the density too, where its error is small enough, or splitting.
+the answer's error, or as near as `--truth-s` brings it; of a rare probability of which these see few, splitting.
+Hindsight is the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at
+the speed of the reference; under white noise the density too, where its error is small enough, or splitting.
 
     python benchmarks/probability.py                              # 60 scenes at 5e-3, 30 processor minutes
     python benchmarks/probability.py --tol 5e-4 --scenes 15
@@ -209,7 +209,8 @@ probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more
 def _answers(options, wanted):
     """Draw scenes and answer them; return their rows. Those in the file `options.keep` are not answered again."""
     kept = pathlib.Path(options.keep) if options.keep else None
-    results = [json.loads(line) for line in kept.read_text().splitlines()] if kept and kept.exists() else []
+    lines = kept.read_text().splitlines() if kept and kept.exists() else []
+    results = {row["number"]: row for row in map(json.loads, lines)}
     for kind in KINDS:  # machine code
         scene, rows = drawn(kind, np.random.default_rng(0))
         probability(scene, tol=0.05, **rows)
@@ -217,14 +218,14 @@ def _answers(options, wanted):
     solve_fpk(white, cycles=1, tol=1e-2)
     split(white, cycles=1, walkers=10, repeats=2)
     for number, draw in enumerate(scenes(options.seed, options.scenes, options.rare)):
-        if number < len(results):
+        if number in results:
             continue
-        results.append(row_of(*draw, wanted, options.truth_s))
-        print(results[-1], flush=True)
+        results[number] = {"number": number} | row_of(*draw, wanted, options.truth_s)
+        print(results[number], flush=True)
         if kept:
             with kept.open("a") as file:
-                file.write(json.dumps(results[-1]) + "\n")
-    return results
+                file.write(json.dumps(results[number]) + "\n")
+    return [results[number] for number in sorted(results)]
 
 
 def write_answers(options):
