@@ -17,6 +17,7 @@ import argparse
 import json
 import math
 import pathlib
+import re
 import statistics
 import time
 import types
@@ -235,21 +236,36 @@ def write_answers(options):
     overturning.time = types.SimpleNamespace(perf_counter=time.process_time)
     with at_most(1):
         results = _answers(options, wanted | {"limit_s": options.limit_s})
-    write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()))
+    write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()), options.limit_s)
 
 
-def write_rows(results, asked):
-    """Write the section of rows (dicts), as `row_of` returns them; one without seconds was not timed."""
+def write_rows(results, asked, limit_s):
+    """Write the section of rows (dicts), as `row_of` returns them; one without seconds was not timed.
+
+    `limit_s`: seconds that an answer might take.
+    """
     answered = [row for row in results if "answer" in row]
+    refused = [row for row in results if "refused" in row]
     inside = sum(row["inside"] for row in answered)
     twice = sum(
         row["verdict"] == "ok" and abs(row["truth"] - row["answer"]) > 2.0 * row["error"] + row["sampling"]
         for row in answered
     )
+    sharp = [row for row in answered if row["sampling"] <= _Z / 3.0 * row["error"] * 1.01]
     ratios = [row["seconds"] / row["hindsight"] for row in answered if row.get("hindsight", 0.0) > 0.2]
+    spent = [row["seconds"] for row in refused] or [math.nan]
+    predicted = [min(map(float, re.findall(r"about ([\d.e+]+) s", row["refused"]))) for row in refused]
     body = f"""**Result.** The truth was inside answer ± error in {inside} of {len(answered)} scenes ({asked}); "ok" was
-wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused, as longer than the limit
-of the call.
+wrong by more than twice its error in {twice}; {len(refused)} of {len(results)} were refused as longer than {
+        limit_s:g} s,
+after {statistics.median(spent):.1f} s (median; the longest {max(spent):.1f} s).
+
+Of those refused {sum(seconds <= 600.0 for seconds in predicted)} were predicted to take less than 600 s, the default
+limit; the median was {statistics.median(predicted or [math.nan]):.0f} s.
+
+Inside: the truth less the answer is at most the root of the sum of the squares of the answer's error and of half of the
+95 % interval of the truth. The standard error of the truth is at most a third of the answer's error in {len(sharp)}
+scenes, of which {sum(row["inside"] for row in sharp)} are inside; in the others the truth is the less certain.
 
 Processor seconds over those of the cheapest engine in hindsight, where that takes more than .2 s ({len(ratios)}
 scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest {max(ratios, default=math.nan):.2f}.
@@ -260,7 +276,7 @@ scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest
             [
                 [
                     row["kind"],
-                    f"{row['truth']:.3g}",
+                    f"{row['truth']:.3g} ± {row['sampling']:.1g}",
                     f"{row['answer']:.3g}",
                     f"{row['error']:.2g}",
                     f"{row['wanted']:.2g}",
