@@ -71,10 +71,10 @@ def scenes(seed, count, rare):
     while count > 0:
         kind = KINDS[(count - 1) % (2 if rare else len(KINDS))]
         scene, rows = drawn(kind, random)
-        share = 1.0 - simulate(scene, realizations=4000, seed=9, **rows).survival[-1]
-        if rare and share < 0.001:
+        share = 1.0 - simulate(scene, realizations=1000 if rare else 4000, seed=9, **rows).survival[-1]
+        if rare and share < 0.003:
             if kind == "white":
-                share = float(split(scene, walkers=100, repeats=20, seed=9, **rows).probability[-1])
+                share = float(split(scene, walkers=20, repeats=10, seed=9, **rows).probability[-1])
             else:
                 share = 1.0 - simulate(scene, realizations=100_000, seed=9, **rows).survival[-1]
         if (1e-6 < share < 1e-2) if rare else (0.002 < share < 0.998):
