@@ -251,7 +251,7 @@ def write_rows(results, asked, limit_s):
         row["verdict"] == "ok" and abs(row["truth"] - row["answer"]) > 2.0 * row["error"] + row["sampling"]
         for row in answered
     )
-    sharp = [row for row in answered if row["sampling"] <= _Z / 3.0 * row["error"] * 1.01]
+    sharp = [row for row in answered if row["sampling"] <= 0.4 * _Z * row["error"]]
     ratios = [row["seconds"] / row["hindsight"] for row in answered if row.get("hindsight", 0.0) > 0.2]
     spent = [row["seconds"] for row in refused] or [math.nan]
     predicted = [min(map(float, re.findall(r"about ([\d.e+]+) s", row["refused"]))) for row in refused]
@@ -264,7 +264,7 @@ Of those refused {sum(seconds <= 600.0 for seconds in predicted)} were predicted
 limit; the median was {statistics.median(predicted or [math.nan]):.0f} s.
 
 Inside: the truth less the answer is at most the root of the sum of the squares of the answer's error and of half of the
-95 % interval of the truth. The standard error of the truth is at most a third of the answer's error in {len(sharp)}
+95 % interval of the truth. The standard error of the truth is at most .4 of the answer's error in {len(sharp)}
 scenes, of which {sum(row["inside"] for row in sharp)} are inside; in the others the truth is the less certain.
 
 Processor seconds over those of the cheapest engine in hindsight, where that takes more than .2 s ({len(ratios)}
