@@ -51,7 +51,7 @@ wheel: $(STAMP)  ## source distribution and its wheel, into dist, and a run of t
 	cd build/clean && env -u PYTHONPATH bin/fpk-rocking compare main --cycles 2 --realizations 5000 --tol 1e-2 --out out
 
 bench: $(STAMP)  ## the benchmarks that write docs/benchmarks.md, about 15 minutes
-	@set -e; for script in cold_start density monte_carlo white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
+	@set -e; for script in cold_start density monte_carlo band_survival white_order equal_error; do echo "== $$script"; $(BIN)/python benchmarks/$$script.py; done
 	$(BIN)/python benchmarks/practical_blocks.py --scenes 3 --paths 40000
 
 bench-full: bench  ## the slow tests, and the benchmarks that take longer

@@ -309,13 +309,15 @@ def page_rows(results):
         cells = [f"{_short(row[0])} ({_short(row[1])} to {_short(row[2])})" for row in (first[key], second[key])]
         lines.append(f"| {text} | {cells[0]} | {cells[1]} |")
     for model in results[SPECIMENS[0]]["scores"]:
+        if str(STIFF) in model:
+            continue
         cells = []
         for name in SPECIMENS:
             row = results[name]["scores"][model]
             error = f"{row['Brier above, error']:.3f}".lstrip("0")
             above = "" if model == MAIN else f"{row['Brier above']:+.3f} ± {error}".replace("0.", ".", 1)
             cells += [_short(row["share right"], 3), _short(row["Brier"], 3), above]
-        lines.append(f"| {model.replace('0.94', '.94')} | " + " | ".join(cells) + " |")
+        lines.append(f"| {model} | " + " | ".join(cells) + " |")
     return lines
 
 

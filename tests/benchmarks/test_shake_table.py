@@ -140,6 +140,26 @@ def phrases():
         for name in benchmark.SPECIMENS
     )
     yield f"ahead by {second:.1f} on specimen 2, and by {first:.1f} on specimen 1"
+    single = [
+        row["Brier above"] / row["Brier above, error"]
+        for name in benchmark.SPECIMENS
+        for model, row in RESULTS[name]["scores"].items()
+        if model.startswith(benchmark.LOGISTIC) and model != both
+    ]
+    yield f"on both rocks, by at least {min(single):.1f} standard errors"
+    housner = pair(lambda row: 1.0 - 1.5 * math.sin(row["posterior"]["critical_angle"][0]) ** 2, 3)
+    yield f"Housner's restitution would be {housner}."
+    yield f"Used here are {len(RESULTS['tests']['id'])} of these tests"
+    missed = (
+        f"{RESULTS[name]['wrong, predicted to stand']} of {RESULTS[name]['wrong']}" for name in benchmark.SPECIMENS
+    )
+    yield f"{' and '.join(missed)} overturned"
+    yield f"as they are not in {pair(lambda row: row['outcomes not in order'], 0)} of all tests"
+    for name in benchmark.SPECIMENS:
+        rows = [RESULTS[name][variants][f"{text}"] for text in list(benchmark.PRIORS)[3:]]
+        yield ", ".join(f"{row['Brier above']:+.4f}".replace("0.", ".", 1) for row in rows) + f" ({name})"
+    priors = (RESULTS[name][variants][text] for name in benchmark.SPECIMENS for text in list(benchmark.PRIORS)[:3])
+    yield f"the Brier score by at most {max(abs(row['Brier above']) for row in priors):.4f}".replace("0.", ".")
 
 
 @pytest.mark.parametrize("line", [*benchmark.page_rows(RESULTS), *phrases()])

@@ -1,15 +1,20 @@
 """Numbers in the prose of pages: each was measured into a file that the page names, or is printed by a tested block.
 
 Held is a number if a file or block of the page's sources has one that rounds to it. Whole numbers below 100 count what
-a reader sees on the page, and are left out, as are years, and what stands in code.
+a reader sees on the page, and are left out, as are years, and what stands in code; shares in per cent are not.
 """
 
 import functools
+import importlib
 import importlib.util
+import json
 import pathlib
 import re
 
 import pytest
+from PIL import Image
+
+from fpk_rocking.results import pictures
 
 ROOT = pathlib.Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -17,8 +22,11 @@ SPEC = importlib.util.spec_from_file_location("gallery_of_numbers", ROOT / "case
 GALLERY = importlib.util.module_from_spec(SPEC)
 SPEC.loader.exec_module(GALLERY)
 
-# Where a page's numbers come from, beside the files that it links and its own blocks. A page that is not here is not
-# looked at: docs/gallery.md has the titles of pictures, docs/project/design.md what code that is gone once did.
+LONG = 100
+"""A longer list in a JSON file is data, of which no page has a number: one of so many rounds to almost anything."""
+
+# Where a page's numbers come from, beside the files that it links and its own blocks. What the gallery says is held
+# below, picture by picture.
 EQUAL = "docs/benchmarks/time_at_equal_error.json"
 SOURCES = {
     "CONTRIBUTING.md": [],
@@ -41,6 +49,8 @@ SOURCES = {
     "docs/reference_values.md": [path.relative_to(ROOT).as_posix() for path in DOCS.glob("reference_values/*.toml")],
     "docs/reliability.md": [],
     "docs/results.md": ["fpk_rocking/results/trust.py"],
+    "docs/project/design.md": [],
+    "docs/related.md": [],
     "docs/symbols.md": [],
     "docs/tutorials/first_block.md": [],
     "docs/tutorials/long_run.md": ["docs/benchmarks/one_cycle_operator.json"],
@@ -48,6 +58,7 @@ SOURCES = {
     "docs/tutorials/statue.md": [],
     "docs/tutorials/paper_fig06.md": ["docs/gallery/fig06.json"],
     "docs/validation.md": [EQUAL],
+    "docs/world.md": ["docs/benchmarks/shake_table_tests.json"],
 }
 PAGES_OF_THE_PAPER = "volume and pages of the paper"
 # Numbers that none of these holds, by page, and why they may stand there.
@@ -69,13 +80,15 @@ ALLOWED = {
         ".7": "usual friction",
         **dict.fromkeys((".95", ".97", ".67"), "ElGawady et al. 2011"),
     },
-    "docs/numerics.md": dict.fromkeys(("108", "256"), "cells of the finest mesh, exploratory paths; in the code"),
+    "docs/numerics.md": {
+        **dict.fromkeys(("108", "256"), "cells of the finest mesh, exploratory paths; in the code"),
+        **dict.fromkeys((".42", "1.5"), "factors of the estimate, in the code"),
+    },
     "docs/howto/large_and_rare.md": {"1e-8": "reach of splitting, as docs/gallery/low_noise.json"},
     "docs/monte_carlo.md": {
         "1e-12": "bound in tests/montecarlo",
         "3.5e-5": ".35 in units of 1e-4 in the file that is linked",
         ".075": "length of an interval, in the code",
-        ".163": "the smallest restitution under white noise, docs/theory.md",
     },
     "docs/paper.md": {
         "727": PAGES_OF_THE_PAPER,
@@ -98,12 +111,22 @@ ALLOWED = {
         **dict.fromkeys(("2.718", ".2718"), "Euler's number, and a tenth of it"),
         **dict.fromkeys(("2.43", ".865"), "example of a message"),
     },
+    "docs/related.md": dict.fromkeys(("105087", "122", "719", "727", "117", "125"), "volumes and pages of papers"),
     "docs/validation.md": {
         "1e-12": "docs/monte_carlo.md",
         "500": "cycles of a hard case",
         "2.1": "title of docs/benchmarks/convergence.png",
         "5e-8": "docs/benchmarks/one_cycle_operator.json, rounded",
     },
+    "docs/world.md": {
+        **dict.fromkeys(("353", "582", ".76"), "Chen et al. 2024, and the repository that the page links"),
+        **dict.fromkeys(("238", ".993", ".978", "2.8", "3.4"), "phrases of tests/benchmarks/test_shake_table.py"),
+    },
+}
+
+# Pictures of the benchmarks, and the files of their numbers.
+MEASURED = {"convergence.png": "density_solver_mesh_nodes_and_orders.json"} | {
+    f"shake_table_{name}.png": "shake_table_tests.json" for name in ("fragility", "missed", "reliability")
 }
 
 FENCE = re.compile(r"^( *)```.*?^\1```$", re.MULTILINE | re.DOTALL)
@@ -112,9 +135,16 @@ NUMBER = re.compile(r"(?<![\w.,])(?:(?:\d{1,3}(?:,\d{3})+|\d+)(?:\.\d+)?|\.\d+)(
 
 
 def numbers(text):
-    """Numbers of a text, as written, that are no whole numbers below 100 and no years."""
-    written = (match[0] for match in NUMBER.finditer(text))
-    return [number for number in written if "." in number or "e" in number or not _small(number)]
+    """Numbers of a text, as written, that are shares in per cent, or no whole numbers below 100 and no years.
+
+    95 % is the level of an interval.
+    """
+    written = ((match[0], text.startswith(" %", match.end())) for match in NUMBER.finditer(text))
+    return [
+        number
+        for number, share in written
+        if "." in number or "e" in number or not _small(number) or (share and number != "95")
+    ]
 
 
 def _small(written):
@@ -132,11 +162,22 @@ def prose(page):
 def held(path):
     """Values of all numbers of a JSON file, or of the blocks of a page; of the gallery, of what its pictures say."""
     text = (ROOT / path).read_text(encoding="utf-8")
+    if path.endswith(".json"):
+        text = json.dumps(_without_data(json.loads(text)))
     if path.endswith(".md"):
         titles = re.findall(r"^\*.*\*", text, re.MULTILINE) if path == "docs/gallery.md" else []
         text = "\n".join([match[0] for match in FENCE.finditer(text)] + titles)
     found = re.findall(r"\d*\.?\d+(?:e[-+]?\d+)?", re.sub(r"(?<=\d),(?=\d{3})", "", text))
     return {float(number) for number in found}
+
+
+def _without_data(entry):
+    """Entry of a JSON file without its long lists."""
+    if isinstance(entry, dict):
+        return {name: _without_data(value) for name, value in entry.items()}
+    if isinstance(entry, list):
+        return [_without_data(value) for value in entry] if len(entry) <= LONG else []
+    return entry
 
 
 def passages(page):
@@ -167,13 +208,14 @@ def _linked(page, text):
 
 
 def is_held(written, values, per_cent=False):
-    """Whether a value rounds to a number as it is written, or to it in per cent."""
+    """Whether a value rounds to a number as it is written, or, of a share in per cent, the value or what it leaves."""
     number = float(written.replace(",", ""))
     mantissa, _, exponent = written.replace(",", "").partition("e")
     digits = len(mantissa.partition(".")[2]) if "." in mantissa else -max(min(_zeros(mantissa), len(mantissa) - 2), 0)
     unit = 10.0 ** (int(exponent or 0) - digits)
-    factors = (1.0, 100.0) if per_cent else (1.0,)
-    return any(abs(value * factor - number) <= 0.5000001 * unit for value in values for factor in factors)
+    if per_cent:
+        values = values | {100.0 * value for value in values} | {100.0 - 100.0 * value for value in values}
+    return any(abs(value - number) <= 0.5000001 * unit for value in values)
 
 
 def _zeros(whole):
@@ -193,6 +235,57 @@ def unheld(page):
 @pytest.mark.parametrize("name", SOURCES)
 def test_numbers_of_a_page_are_measured_or_run(name):
     assert unheld(ROOT / name) == []
+
+
+class TitleError(Exception):
+    """The title of a picture, raised where the drawing would begin."""
+
+
+def titles(monkeypatch):
+    """Titles of the pictures that are drawn from what the repository keeps of their numbers, by their names there."""
+
+    def page(*arguments):
+        raise TitleError(arguments[2])
+
+    def title_of(draw, *values):
+        with pytest.raises(TitleError) as caught:
+            draw("picture.png", *values)
+        return str(caught.value)
+
+    monkeypatch.setattr(pictures, "page", page)
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    equal, drawing = _numbers_in(ROOT / EQUAL), importlib.import_module("equal_pictures")
+    yield "time_at_equal_error.png", title_of(drawing.draw_errors, equal["scenes"]["main"])
+    yield "time_at_equal_error_growth.png", title_of(drawing.draw_growth, equal["noise"], equal["horizon"], 1e-2)
+    (table,) = _numbers_in(DOCS / "benchmarks" / MEASURED["convergence.png"])["tables"]
+    yield "convergence.png", title_of(importlib.import_module("convergence").draw, table)
+    for name in GALLERY.DRAWN_FROM_NUMBERS:
+        numbers, (picture,) = DOCS / "gallery" / GALLERY.numbers_of(name), GALLERY.PICTURES[name].values()
+        yield picture, title_of(importlib.import_module(name).draw, _numbers_in(numbers))
+
+
+def _numbers_in(path):
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def test_what_pictures_say_follows_from_their_numbers(monkeypatch):
+    """The page has these titles: tests/cases/test_gallery.py. Of a picture not drawn from them alone, each number."""
+    redrawn, missing = dict(titles(monkeypatch)), {}
+    basins, tests = (_numbers_in(DOCS / file) for file in ("gallery/basins.json", "benchmarks/shake_table_tests.json"))
+    (noisiest,) = (row for row in basins["erosion"] if row["variance"] == 0.04)
+    left = {area / alone for area, (alone, _) in zip(noisiest["area"], basins["area_without_noise"], strict=True)}
+    derived = {"basins.png": left, "shake_table_missed.png": {len(tests["tests"]["id"])}}
+    cases = GALLERY.PICTURES.items()
+    files = MEASURED | {picture: GALLERY.numbers_of(name) for name, drawn in cases for picture in drawn.values()}
+    for path in sorted(DOCS.glob("gallery/*.png")) + sorted(DOCS.glob("benchmarks/*.png")):
+        with Image.open(path) as picture:
+            title = GALLERY.title_of(picture)
+        if path.name in redrawn:
+            assert title == redrawn[path.name], path.name
+        else:
+            values = held(f"docs/{path.parent.name}/{files[path.name]}") | derived.get(path.name, set())
+            missing[path.name] = [n for n in numbers(title) if not is_held(n, values, f"{n} %" in title)]
+    assert {name: some for name, some in missing.items() if some} == {}
 
 
 def test_exceptions_are_needed():
