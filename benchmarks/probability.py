@@ -1,10 +1,11 @@
 """`probability` against ten times the paths: is the truth inside answer ± error, and what does the answer cost.
 
 The scenes are drawn at random, in turn of these kinds: exact blocks under band noise, white noise, filtered noise, a
-pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths,
-or as many as `--truth-s` processor seconds take; of a rare probability of which these see few, splitting. Hindsight is
-the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at the speed of
-the reference; under white noise the density too, where its error is small enough, or splitting.
+pulse with band noise, a record with band noise. The truth is the same engine with other seeds and ten times the paths;
+where these take more than a fifth of `--truth-s` processor seconds, as many as bring its standard error to a third of
+the answer's error, or as near as `--truth-s` brings it; of a rare probability of which these see few, splitting.
+Hindsight is the time that the cheapest single engine takes: paths alone, as many as the true probability asks for, at
+the speed of the reference; under white noise the density too, where its error is small enough, or splitting.
 
     python benchmarks/probability.py                              # 60 scenes at 5e-3, 30 processor minutes
     python benchmarks/probability.py --tol 5e-4 --scenes 15
@@ -16,6 +17,7 @@ import argparse
 import json
 import math
 import pathlib
+import re
 import statistics
 import time
 import types
@@ -69,10 +71,10 @@ def scenes(seed, count, rare):
     while count > 0:
         kind = KINDS[(count - 1) % (2 if rare else len(KINDS))]
         scene, rows = drawn(kind, random)
-        share = 1.0 - simulate(scene, realizations=4000, seed=9, **rows).survival[-1]
-        if rare and share < 0.001:
+        share = 1.0 - simulate(scene, realizations=1000 if rare else 4000, seed=9, **rows).survival[-1]
+        if rare and share < 0.003:
             if kind == "white":
-                share = float(split(scene, walkers=100, repeats=20, seed=9, **rows).probability[-1])
+                share = float(split(scene, walkers=20, repeats=10, seed=9, **rows).probability[-1])
             else:
                 share = 1.0 - simulate(scene, realizations=100_000, seed=9, **rows).survival[-1]
         if (1e-6 < share < 1e-2) if rare else (0.002 < share < 0.998):
@@ -123,8 +125,11 @@ def _truth(scene, rows, answer, truth_s):
     begin = time.process_time()
     simulate(scene, realizations=2000, seed=_TRUTH_SEED, **rows)
     path_s = (time.process_time() - begin) / 2000
-    needed = max(answer.overturned * (1.0 - answer.overturned), 1e-12) * (_Z / answer.wanted) ** 2
-    count = int(min(max(10.0 * needed, 20_000), max(truth_s / path_s, 4000)))
+    variance = max(answer.overturned * (1.0 - answer.overturned), 1e-12)
+    tenfold = max(10.0 * variance * (_Z / answer.wanted) ** 2, 20_000)
+    most = max(truth_s / path_s, 4000)
+    third = max(variance * (3.0 / answer.error) ** 2, 20_000)
+    count = int(tenfold if 5.0 * tenfold <= most else min(third, most))
     if count * answer.overturned < _FEW and answer.method == "splitting":
         rare = split(scene, walkers=1200, repeats=32, seed=_TRUTH_SEED, **rows)
         return float(rare.probability[-1]), 2.04 * float(rare.standard_error[-1]), path_s
@@ -205,7 +210,8 @@ probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more
 def _answers(options, wanted):
     """Draw scenes and answer them; return their rows. Those in the file `options.keep` are not answered again."""
     kept = pathlib.Path(options.keep) if options.keep else None
-    results = [json.loads(line) for line in kept.read_text().splitlines()] if kept and kept.exists() else []
+    lines = kept.read_text().splitlines() if kept and kept.exists() else []
+    results = {row["number"]: row for row in map(json.loads, lines)}
     for kind in KINDS:  # machine code
         scene, rows = drawn(kind, np.random.default_rng(0))
         probability(scene, tol=0.05, **rows)
@@ -213,14 +219,14 @@ def _answers(options, wanted):
     solve_fpk(white, cycles=1, tol=1e-2)
     split(white, cycles=1, walkers=10, repeats=2)
     for number, draw in enumerate(scenes(options.seed, options.scenes, options.rare)):
-        if number < len(results):
+        if number in results:
             continue
-        results.append(row_of(*draw, wanted, options.truth_s))
-        print(results[-1], flush=True)
+        results[number] = {"number": number} | row_of(*draw, wanted, options.truth_s)
+        print(results[number], flush=True)
         if kept:
             with kept.open("a") as file:
-                file.write(json.dumps(results[-1]) + "\n")
-    return results
+                file.write(json.dumps(results[number]) + "\n")
+    return [results[number] for number in sorted(results)]
 
 
 def write_answers(options):
@@ -230,21 +236,36 @@ def write_answers(options):
     overturning.time = types.SimpleNamespace(perf_counter=time.process_time)
     with at_most(1):
         results = _answers(options, wanted | {"limit_s": options.limit_s})
-    write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()))
+    write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()), options.limit_s)
 
 
-def write_rows(results, asked):
-    """Write the section of rows (dicts), as `row_of` returns them; one without seconds was not timed."""
+def write_rows(results, asked, limit_s):
+    """Write the section of rows (dicts), as `row_of` returns them; one without seconds was not timed.
+
+    `limit_s`: seconds that an answer might take.
+    """
     answered = [row for row in results if "answer" in row]
+    refused = [row for row in results if "refused" in row]
     inside = sum(row["inside"] for row in answered)
     twice = sum(
         row["verdict"] == "ok" and abs(row["truth"] - row["answer"]) > 2.0 * row["error"] + row["sampling"]
         for row in answered
     )
+    sharp = [row for row in answered if row["sampling"] <= 0.4 * _Z * row["error"]]
     ratios = [row["seconds"] / row["hindsight"] for row in answered if row.get("hindsight", 0.0) > 0.2]
+    spent = [row["seconds"] for row in refused] or [math.nan]
+    predicted = [min(map(float, re.findall(r"about ([\d.e+]+) s", row["refused"]))) for row in refused]
     body = f"""**Result.** The truth was inside answer ± error in {inside} of {len(answered)} scenes ({asked}); "ok" was
-wrong by more than twice its error in {twice}; {len(results) - len(answered)} were refused, as longer than the limit
-of the call.
+wrong by more than twice its error in {twice}; {len(refused)} of {len(results)} were refused as longer than {
+        limit_s:g} s,
+after {statistics.median(spent):.1f} s (median; the longest {max(spent):.1f} s).
+
+Of those refused {sum(seconds <= 600.0 for seconds in predicted)} were predicted to take less than 600 s, the default
+limit; the median was {statistics.median(predicted or [math.nan]):.0f} s.
+
+Inside: the truth less the answer is at most the root of the sum of the squares of the answer's error and of half of the
+95 % interval of the truth. The standard error of the truth is at most .4 of the answer's error in {len(sharp)}
+scenes, of which {sum(row["inside"] for row in sharp)} are inside; in the others the truth is the less certain.
 
 Processor seconds over those of the cheapest engine in hindsight, where that takes more than .2 s ({len(ratios)}
 scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest {max(ratios, default=math.nan):.2f}.
@@ -255,7 +276,7 @@ scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest
             [
                 [
                     row["kind"],
-                    f"{row['truth']:.3g}",
+                    f"{row['truth']:.3g} ± {row['sampling']:.1g}",
                     f"{row['answer']:.3g}",
                     f"{row['error']:.2g}",
                     f"{row['wanted']:.2g}",

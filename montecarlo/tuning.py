@@ -44,8 +44,8 @@ class Tuning(NamedTuple):
     tally_bytes: int = 2**29  # most memory of the histograms of a tally: 512 MiB
     # Splitting.
     foresight: float = 7.0  # time for which the score follows the motion without noise
-    score_angles: int = 96  # nodes of the table of the score in the angle; a rough score costs accuracy, not bias
-    score_velocities: int = 192  # and in the velocity
+    score_angles: int = 32  # nodes of the table of the score in the angle; a rough score costs accuracy, not bias
+    score_velocities: int = 64  # and in the velocity
     splitting_states: int = 2**26  # most records of the walkers, and most numbers of the repeats: 2.5 GiB
     splitting_intervals: int = 2000  # most in a cycle: the score then takes some 280 MB
 

@@ -14,7 +14,7 @@ from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.probability import Probability
-from fpk_rocking.studies.stopping import GROWTH, QUANTILE, SideCounts, WantedError
+from fpk_rocking.studies.stopping import QUANTILE, SideCounts, WantedError
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.splitting import split
 
@@ -24,14 +24,18 @@ _PILOT = 1000
 """Paths before anything is predicted."""
 _SHORT_S = 1.0
 """Predicted seconds of paths below which nothing else is tried."""
-_SPLITTING_S = 15.0
-"""Predicted seconds of paths below which splitting is not tried: its score alone takes 5 to 8 s of one processor."""
+_SPLITTING_S = 5.0
+"""Predicted seconds of paths below which splitting is not tried: score and first walkers take 1 to 2 s."""
+_TRIAL, _TRIAL_S = 0.1, 2.0
+"""Part of `limit_s`, and the seconds if these are more, in which it has to be decided whether the limit is enough."""
 _FINER = 2.0
 """Seconds of a density whose forcing does not repeat over those predicted, which leave finer solutions out."""
 _LONG_S = 5.0
 """Predicted seconds from which on a call says how long it will take."""
 _REPEATS, _STUDENT = 32, 2.0395
 """Repeats of splitting, and the 97.5 % point of Student's distribution of one degree of freedom less."""
+_WALKERS, _PATHS_EACH = 100, 10
+"""Walkers in each of the first repeats of splitting, and as how many plain paths each may count."""
 _COARSER, _FEWER = 4, 4
 """How many times longer the steps are with which the error of an engine's steps is measured, and how many times fewer
 the paths."""
@@ -54,6 +58,9 @@ def probability(
     more paths take until the error is small enough, under white noise also those of the density (`solve_fpk`) and of
     splitting (`montecarlo.split`), and the shortest way is taken. The density is left where its first solutions take so
     much longer than predicted that paths are shorter. Band noise and filtered noise act as they are.
+
+    Whether the limit is enough is decided within a tenth of it, or 2 s: where the first paths do not tell, more are
+    sampled for so long, and the first repeats of splitting are as short.
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
     as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
@@ -119,7 +126,7 @@ class _Call:
     progress: Progress | None
     began: float
     counts: SideCounts
-    split: bool = False
+    splitting_s: float | None = None
 
     @classmethod
     def of(cls, scene, cycles, times, tol, rtol, limit_s, seed, progress):
@@ -157,11 +164,15 @@ class _Call:
                 if self._density_pays(seconds):
                     answer = self._density(seconds)
                 elif self._splitting_pays(seconds):
-                    answer = self._splitting(seconds)
+                    answer = self._splitting(seconds, path_s)
                 if answer:
                     return answer
-                self._announce(needed, seconds)
-                self.sample(self.wanted.next_stage(self.counts.overturned, self.counts.paths))
+                until = self.wanted.next_stage(self.counts.overturned, self.counts.paths)
+                if self._undecided(path_s):
+                    until = min(until, math.ceil(self._trial_s / path_s))
+                else:
+                    self._announce(needed, seconds)
+                self.sample(until)
             return self._from_paths()
         except KeyboardInterrupt:
             if not self.counts.paths:
@@ -187,6 +198,18 @@ class _Call:
         for batch in simulate_batches(run, first=counts.paths, progress=self.progress, followed=followed):
             counts.add(batch)
 
+    @property
+    def _trial_s(self):
+        """Seconds in which it has to be decided whether the limit is enough."""
+        return max(_TRIAL * self.limit_s, min(_TRIAL_S, self.limit_s))
+
+    def _undecided(self, path_s):
+        """Whether the limit may be enough or not by the paths so far, and time is left to sample more of them."""
+        paths = self.counts.paths
+        least, most = self.wanted.range_of_paths(self.counts.overturned, paths)
+        affordable = paths + self.limit_s / path_s
+        return least <= affordable < most and paths * path_s < self._trial_s
+
     def _announce(self, needed, seconds):
         """Write on standard error that `needed` paths take `seconds`, if long; ValueError where above `limit_s`."""
         if seconds > self.limit_s:
@@ -203,8 +226,10 @@ class _Call:
         paths = self.limit_s / seconds * needed
         share = max(counts.overturned, 1) / counts.paths
         within = QUANTILE * math.sqrt(share / paths)
+        splitting = f", splitting about {self.splitting_s:.2g} s" if math.isfinite(self.splitting_s or math.inf) else ""
         raise ValueError(
-            f"{name}: got {getattr(self.wanted, name):g}, which takes {least}{needed:.2g} paths, about {seconds:.2g} s "
+            f"{name}: got {getattr(self.wanted, name):g}, which takes {least}{needed:.2g} paths, about {seconds:.2g} s"
+            f"{splitting} "
             f"({counts.overturned} of {counts.paths:,} paths overturned, the probability is below {high:.2g}); "
             f"accepted: a larger limit_s (got {self.limit_s:g} s), or a larger error, as tol={within:.1g}"
         )
@@ -293,43 +318,49 @@ class _Call:
         """Whether to try splitting: it takes the scene, overturning is rare, and paths take long, `paths_s` seconds."""
         scene = self.run.scene
         rare = self.wanted.of(self._share) < self._share < 0.02
-        return paths_s > _SPLITTING_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
+        white = scene.repeats and scene.noise.kind == "white"
+        return paths_s > _SPLITTING_S and rare and white and self.splitting_s is None
 
-    def _splitting(self, paths_s):
-        """Return the `Probability` by splitting; None where it would take longer than paths, `paths_s` seconds."""
-        counts, walkers, repeats = self.counts, 10, 2  # the first call makes the score, which serves the others
-        self.split = True
-        while True:
-            began = time.perf_counter()
-            try:
-                rare = split(
-                    self.run.scene,
-                    walkers=walkers,
-                    repeats=repeats,
-                    seed=self.run.seed,
-                    progress=self.progress,
-                    **self._rows,
-                )
-            except ValueError:  # more walkers than memory holds
+    def _splitting(self, paths_s, path_s):
+        """Return the `Probability` by splitting; None where it would take longer than the limit, or than paths.
+
+        Paths of `path_s` seconds each take `paths_s` seconds. Walkers are added to each repeat, and its estimates
+        averaged, until the error is small enough. What is still predicted once the first ones tell it has to be within
+        the limit, later within twice as much.
+        """
+        walkers, spent = int(min(_WALKERS, self._trial_s / (_REPEATS * _PATHS_EACH * path_s))), 0.0
+        self.splitting_s = math.inf
+        # Of an event that few paths saw, what plain paths take is a lower bound.
+        limit = min(self.limit_s, paths_s) if self.counts.overturned > 4 else self.limit_s
+        split_scene = functools.partial(split, self.run.scene, progress=self.progress, **self._rows)
+        try:
+            if walkers < 10:
                 return None
-            if repeats < _REPEATS:
-                walkers, repeats = 300, _REPEATS
-                continue
-            last = float(rare.probability[-1])
-            error, wanted = _STUDENT * float(rare.standard_error[-1]), self.wanted.of(last)
-            if error <= wanted and last and not rare.skewed:
-                break
-            more = 2.0 if not last or rare.skewed else max(2.0, 1.2 * (error / wanted) ** 2)
-            walkers = math.ceil(walkers * min(more, GROWTH))
-            # Of an event that few paths saw, what plain paths take is a lower bound.
-            limit = min(self.limit_s, paths_s) if counts.overturned > 4 else self.limit_s
-            if more * (time.perf_counter() - began) > limit:
-                return None
-        sides = rare.repeat_overturned
+            split_scene(walkers=10, repeats=2)  # makes the score, which serves the others
+            total = None
+            while True:
+                began = time.perf_counter()
+                seed = (self.run.seed + (total.walkers if total else 0)) % 2**64
+                total = _joined(total, split_scene(walkers=walkers, repeats=_REPEATS, seed=seed))
+                spent += time.perf_counter() - began
+                last = float(total.probability[-1])
+                error, wanted = _STUDENT * float(total.standard_error[-1]), self.wanted.of(last)
+                if last and error <= wanted and not total.skewed:
+                    break
+                more = max(1.2 * (error / wanted) ** 2, 1.2) if last else math.inf
+                self.splitting_s = (more - 1.0) * spent
+                if not total.skewed or spent > self._trial_s:
+                    if self.splitting_s > limit:
+                        return None
+                    limit = 2.0 * self.limit_s
+                walkers = math.ceil(total.walkers * (min(more, 4.0) if total.skewed else more) - total.walkers)
+        except ValueError:  # more walkers than memory holds
+            return None
+        sides = total.repeat_overturned
         columns = np.concatenate([sides.sum(axis=2, keepdims=True), sides], axis=2)
         errors = _STUDENT * columns.std(axis=0, ddof=1) / math.sqrt(_REPEATS)
         reason = f"Overturning is rare: plain paths were predicted to take {paths_s:.1g} s."
-        return self.result("splitting", reason, rare.overturned, errors, _REPEATS * rare.walkers)
+        return self.result("splitting", reason, total.overturned, errors, _REPEATS * total.walkers)
 
     @property
     def _rows(self):
@@ -344,12 +375,15 @@ class _Call:
         overturned to the left and to the right; `errors`: (rows, 3), of survival and of these, or a number for all.
         """
         left, right = np.asarray(sides, dtype=float).T.copy()
+        errors = np.broadcast_to(errors, (len(left), 3)).astype(float)
+        if self.run.scene.start.covariance is None:
+            errors[0] = 0.0  # nothing has happened yet
         return Probability(
             scene=self.run.scene,
             times=self.run.times.astype(float),
             left=left,
             right=right,
-            errors=np.broadcast_to(errors, (len(left), 3)).astype(float),
+            errors=errors,
             method=method,
             engine="" if method == "density" else self.run.method,
             reason=reason,
@@ -361,3 +395,15 @@ class _Call:
             interrupted=interrupted,
             seconds=time.perf_counter() - self.began,
         )
+
+
+def _joined(first, second):
+    """Return two `Splitting` of as many repeats as one: mean estimates of each repeat, weighted by the walkers.
+
+    `first` may be None.
+    """
+    if first is None:
+        return second
+    walkers = first.walkers + second.walkers
+    estimates = first.walkers * first.repeat_overturned + second.walkers * second.repeat_overturned
+    return dataclasses.replace(second, walkers=walkers, repeat_overturned=estimates / walkers)

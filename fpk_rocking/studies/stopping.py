@@ -32,10 +32,22 @@ class WantedError(NamedTuple):
         """
         low, high = wilson_interval(overturned, paths).tolist()
         widest = min(max(0.5, low), high)
-        absolute = 1.02 * widest * (1.0 - widest) * (QUANTILE / self.tol) ** 2 + QUANTILE**2 if self.tol else math.inf
         share = 0.5 * (low + overturned / paths) or high  # where none has overturned, as few as can be
-        relative = (1.0 - share) / share * (QUANTILE / self.rtol) ** 2 if self.rtol else math.inf
-        return min(absolute, relative)
+        return min(self._absolute(widest), self._relative(share))
+
+    def range_of_paths(self, overturned: int, paths: int) -> tuple[float, float]:
+        """Return how many paths are needed at least and at most, of all shares between the limits of the interval."""
+        low, high = wilson_interval(overturned, paths).tolist()
+        needed = [min(self._absolute(share), self._relative(share)) for share in (low, high, min(max(0.5, low), high))]
+        return min(needed), max(needed)
+
+    def _absolute(self, share: float) -> float:
+        """Return how many paths bring the error of a share to `tol`."""
+        return 1.02 * share * (1.0 - share) * (QUANTILE / self.tol) ** 2 + QUANTILE**2 if self.tol else math.inf
+
+    def _relative(self, share: float) -> float:
+        """Return how many paths bring the error of a share to `rtol` times it."""
+        return (1.0 - share) / share * (QUANTILE / self.rtol) ** 2 if self.rtol and share else math.inf
 
     def next_stage(self, overturned: int, paths: int) -> int:
         """Return how many paths (int) there are to be after the next stage: 1.25 to 16 times as many as now.

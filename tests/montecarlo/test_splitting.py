@@ -114,10 +114,8 @@ def test_agrees_with_a_plain_ensemble(scene, cycles, which):
 
 
 @pytest.mark.slow
-def test_agrees_with_a_plain_ensemble_of_exact_blocks(monkeypatch):
-    """With a coarse table of the score; false alarm 6 x 6e-5."""
-    coarse = TUNING._replace(score_angles=24, score_velocities=48)
-    monkeypatch.setattr("montecarlo.engines.walkers.TUNING", coarse)
+def test_agrees_with_a_plain_ensemble_of_exact_blocks():
+    """False alarm 6 x 6e-5."""
     scene = scene_of(0.004, 4.0, 0.6, 6.0, SPREAD)
     compare(scene.varied(block=Block(0.6, critical_angle=0.4)), 2, (0, 1, 2))
 
@@ -182,7 +180,7 @@ def test_the_score_is_the_nearest_approach_of_an_independent_block():
     _, _, n_angle, n_velocity = scores.table.shape
     shift = 4.6 / math.hypot(1.0, 2.7)
     cutoff, nearest = MAIN.overturning.angle, []
-    for j, side, a, b in ((5, -1, 40, 110), (17, 1, 70, 80), (30, -1, 5, 150)):
+    for j, side, a, b in ((5, -1, 13, 36), (17, 1, 23, 26), (30, -1, 2, 50)):
         u, w = cutoff * a / (n_angle - 1), scores.fastest * (2.0 * b / (n_velocity - 1) - 1.0)
         block = oracle.Block(4.6, 2.7, math.pi, 0.5, cutoff, side * u, side * w, side)
         block.t = begin = j * MAIN.period / intervals

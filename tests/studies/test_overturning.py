@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fpk_rocking import NoNoise, load_scene, probability, solve_fpk
+from fpk_rocking import NoNoise, Start, load_scene, probability, solve_fpk
 from fpk_rocking.studies import overturning
 from fpk_rocking.studies.overturning import Probability
-from montecarlo import simulate
+from montecarlo import simulate, split
 from montecarlo.engines.batches import Batch
 
 MAIN = load_scene("main")
@@ -28,6 +28,20 @@ def bernoulli_batches(share, shift=0.0, seed=1):
             progress(run.realizations, run.realizations)
 
     return batches
+
+
+class Clock:
+    """A stand-in for `time`: its seconds are those of the paths that were sampled."""
+
+    def __init__(self, batches, path_s):
+        self.batches, self.path_s, self.seconds = batches, path_s, 0.0
+
+    def perf_counter(self):
+        return self.seconds
+
+    def simulate_batches(self, run, first=0, **options):
+        self.seconds += self.path_s * (run.realizations - first)
+        return self.batches(run, first, **options)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.04, 0.0])
@@ -61,7 +75,8 @@ def test_paths_are_those_of_the_engine():
     np.testing.assert_allclose(answer.survival, sample.survival, atol=1e-12)
     np.testing.assert_array_equal(answer.left, sample.overturned[:, 0])
     limits = sample.survival_interval()
-    np.testing.assert_allclose(answer.errors[:, 0], np.abs(limits - sample.survival[:, None]).max(axis=1), atol=1e-12)
+    half_widths = np.abs(limits - sample.survival[:, None]).max(axis=1)
+    np.testing.assert_allclose(answer.errors[1:, 0], half_widths[1:], atol=1e-12)
     assert answer.left[-1] != answer.right[-1]
 
 
@@ -127,6 +142,51 @@ def test_too_long_is_refused():
         probability(MAIN, cycles=4, tol=1e-5, limit_s=2)
     with pytest.raises(ValueError, match=r"^rtol: got 0\.01, which takes at least .* \(0 of 2,000 paths"):
         probability(MAIN, cycles=1, rtol=0.01, limit_s=0.01)
+
+
+@pytest.mark.parametrize(("share", "paths"), [(1e-6, (2000, 20_000)), (8e-4, (2001, 20_000)), (0.01, (30_000, 60_000))])
+def test_whether_the_limit_is_enough_is_decided_within_a_tenth_of_it(monkeypatch, share, paths):
+    """An `rtol` of .1 takes 3.8e8, 4.8e5 and 3.8e4 paths of 1 ms: only the last fits 200 s."""
+    clock = Clock(bernoulli_batches(share), 1e-3)
+    monkeypatch.setattr(overturning, "simulate_batches", clock.simulate_batches)
+    monkeypatch.setattr(overturning, "time", clock)
+    try:
+        sampled = probability(MAIN, cycles=1, rtol=0.1, limit_s=200.0).realizations
+    except ValueError as error:
+        sampled = int(str(error).split(" of ")[1].split()[0].replace(",", ""))
+    least, most = paths
+    assert least <= sampled <= most
+    assert clock.seconds == pytest.approx(1e-3 * sampled)
+
+
+def test_splitting_that_takes_too_long_is_refused_after_its_first_walkers(monkeypatch):
+    walkers = []
+
+    def counted(scene, **options):
+        walkers.append(options["walkers"])
+        return split(scene, **options)
+
+    monkeypatch.setattr(overturning, "split", counted)
+    with pytest.raises(ValueError, match=r"^rtol: got 1e-05, which takes .* paths, about .* s, splitting about .* s "):
+        probability(RARE, cycles=2, rtol=1e-5, limit_s=20.0)
+    assert walkers in ([10, 100], [10, 100, 300])  # the first hundred may be too few to tell
+
+
+def test_repeats_of_splitting_are_averaged_by_their_walkers():
+    first, second = (split(RARE, cycles=2, walkers=n, repeats=3, seed=n) for n in (20, 60))
+    both = overturning._joined(overturning._joined(None, first), second)
+    assert both.walkers == 80
+    expected = 0.25 * first.repeat_overturned + 0.75 * second.repeat_overturned
+    np.testing.assert_allclose(both.repeat_overturned, expected, rtol=1e-14)
+
+
+def test_a_point_has_no_error_at_time_0():
+    wide = MAIN.varied(start=Start(covariance=((0.3, 0.0), (0.0, 0.3))))
+    point, gaussian = (probability(scene, cycles=1, tol=0.02) for scene in (MAIN, wide))
+    assert np.all(point.errors[0] == 0.0)
+    assert np.all(point.errors[1] > 0.0)
+    assert gaussian.survival[0] < 1.0
+    assert np.all(gaussian.errors > 0.0)
 
 
 @pytest.mark.parametrize(
