@@ -199,7 +199,7 @@ class FilteredPropagator(CyclicPropagator):
         if coarse:
             self._follow(coarse)
         self.durations = np.diff(self.step_begins)
-        self._transitions = {}
+        self._transitions, self._lifted = {}, {}
         self.steps = [self._steps_at_nodes(k) for k in range(len(self.durations))]
 
     @staticmethod
@@ -327,16 +327,31 @@ class FilteredPropagator(CyclicPropagator):
         self._activate(k, density)
         outflow = np.zeros(3)
         for a, step in enumerate(self.steps[k]):
-            x, v, side = self._from_rest(step.characteristics)
+            lifted = at_rest[a].copy()
+            unit = self._lifted_off(k, a)
+            at_rest[a] *= unit is None
             for b in range(at_rest.shape[1]):
                 density[a, b], masses = step.apply(density[a, b])
                 outflow += masses[:3]
-                if side:
-                    state, mass = np.array([[x, v]]), at_rest[a, b : b + 1]
-                    outflow += deposit_points(self.space, state, mass, side, density[a, b])
-                    at_rest[a, b] = 0.0
                 at_rest[a, b] += masses[3]
+            if unit:
+                cells, values, beyond = unit
+                density[a][:, *cells] += np.multiply.outer(lifted, values)
+                outflow += lifted.sum() * beyond
         return outflow
+
+    def _lifted_off(self, k, a):
+        """Return what a mass of 1 at rest becomes in step k at node a of y1, None where it stays; kept for all cycles.
+
+        It is indices of cells (2, n), the coefficients in these (n, modes, modes), and the outflow (3,).
+        """
+        if (k, a) not in self._lifted:
+            x, v, side = self._from_rest(self.steps[k][a].characteristics)
+            unit = np.zeros(self.space.shape)
+            outflow = deposit_points(self.space, np.array([[x, v]]), np.ones(1), side, unit)
+            cells = np.nonzero(unit.any(axis=(2, 3)))
+            self._lifted[k, a] = (cells, unit[cells], outflow) if side else None
+        return self._lifted[k, a]
 
     def _from_rest(self, characteristics):
         """Return (x, v, side), at the end of a step, of a block that is at rest at its begin; side ±1, or 0 at rest.

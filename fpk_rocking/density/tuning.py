@@ -208,9 +208,10 @@ class Tuning(NamedTuple):
     """Most spacing of the nodes in y1, in standard deviations, where blocks may rest at the end of a cycle."""
     resting_nodes_beside: tuple[int, ...] = (4, 5, 6, 7, 8, 9, 10)
     """Gauss-Hermite nodes in y2 then."""
-    last_step_smooth: tuple[int, ...] = (100, 140, 200, 300, 420, 600, 840)
-    """Cycle over the last step, where a block may rest, for noise that has a derivative."""
-    last_step_rough: tuple[int, ...] = (200, 400, 800, 1600, 3200, 6400, 12800)
+    last_step_smooth: tuple[int, ...] = (400, 560, 800, 1200, 1680, 2400, 3360)
+    """Cycle over the last step, where a block may rest, for noise that has a derivative. The noise of a step is that of
+    its middle: rest lags by half of the last one."""
+    last_step_rough: tuple[int, ...] = (800, 1600, 3200, 6400, 12800, 25600, 51200)
     """The same for noise that has none: excursions beyond lift-off within a step are missed, an error of order 1/2."""
     filter_turn: float = 1.2
     """Longest step times the frequency at which a filter swings."""
