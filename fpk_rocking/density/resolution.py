@@ -327,8 +327,10 @@ RESOLUTIONS = (
     Resolution(78, 72, 4, Quadrature(10, 10, 7, 2), 28, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
     Resolution(108, 100, 4, Quadrature(12, 12, 9, 3), 40, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
 )
-"""Each about 1.4 times as fine as the one before: neighbours tell the error. Two with the same patches share a start-up,
-whose error the solution before them tells."""
+"""Each about 1.4 times as fine as the one before: neighbours tell the error.
+
+Two with the same patches share a start-up, whose error the solution before them tells.
+"""
 
 USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """Number of the resolution that is usually fine enough, by tolerance; never one of the first two."""
