@@ -69,14 +69,14 @@ def main(arguments=None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """Return the parser of the command line, with a subparser for each command."""
+    """Return the argparse parser of the command line, with a subparser for each command."""
     layout = argparse.RawDescriptionHelpFormatter
     parser = Parser("fpk-rocking", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=layout)
     parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), arguments_by_name()
 
     def command(name, run, does, more="", options="", files=""):
-        """Add the subparser of the command `name`, which calls `run` with the parsed options.
+        """Add the subparser of the command `name`; `run` is the function that `main` calls with the parsed options.
 
         `does` and `more` are its description, `options` the names of its arguments in `_OPTIONS`, parted by blanks, and
         `files` what stands in the help of --out.
@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _probability(options):
-    """Run the command ``probability`` with its parsed `options`: answer, and print and save the answer."""
+    """Run the command ``probability`` with its parsed `options`: compute, print and save a `Probability`."""
     from fpk_rocking.base.files import write_json
     from fpk_rocking.output import tables
     from fpk_rocking.output.tables import reporting
@@ -239,7 +239,7 @@ def _fragility(options):
 
 
 def _fragility_figure(path, result):
-    """Draw fragility curves, a surface over a parameter, or the one curve for all scenes as a file."""
+    """Draw `result` to the file at `path`: a `Fragility`, as curves or as a surface, or an `IntensityCurve`."""
     from fpk_rocking.results.pictures import page
     from fpk_rocking.studies import Fragility
     from fpk_rocking.studies.picture import curves_figure, draw_curve, surface_figure
@@ -288,7 +288,7 @@ def _risk(options):
 
 
 def _warmup(_):
-    """Run the command ``warmup``: compile all kernels, and say how long that took."""
+    """Run the command ``warmup``: compile all kernels, and say how long that took. Its argument is not used."""
     from fpk_rocking.base import precompilation
 
     begin = time.monotonic()
@@ -348,7 +348,10 @@ def _simulated(options, scene):
 
 
 def _loaded(options) -> list:
-    """Return the list of the two saved results that the parsed `options` name."""
+    """Return a list of the two saved results, each an `Evolution`, `Ensemble` or `Tally`, that `options.inputs` names.
+
+    `options` are the parsed arguments; ValueError for one that has no effect here.
+    """
     from fpk_rocking.density import Evolution
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally

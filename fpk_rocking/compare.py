@@ -109,12 +109,12 @@ class Comparison(Result):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Engines of the results."""
+        """Names of the engines of both results, (first, second)."""
         return tuple(result.engine for result in self.results)
 
     @property
     def realizations(self) -> tuple[int | None, ...]:
-        """Numbers of realizations; None for a density and for the one path of a deterministic scene."""
+        """Numbers of realizations, (first, second); None for a density and for the path of a deterministic scene."""
         return tuple(map(_sample_size, self.results))
 
     @property
@@ -126,7 +126,7 @@ class Comparison(Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Largest differences and sizes, as plain values by name."""
+        """Plain values by name: "largest difference of survival", "largest l1", "realizations of the first", ..."""
         figures = {"largest difference of survival": float(np.abs(self.difference).max())}
         if self.joint_cycles.size:
             figures["largest l1"] = float(np.nanmax(self.l1))
@@ -135,7 +135,7 @@ class Comparison(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """What speaks against either result, a seed that both share, a difference that their errors do not explain."""
+        """A list of `Diagnostic`: of either result, of a seed that both share, of a difference beyond their errors."""
         diagnostics = [
             Diagnostic(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
             for result in self.results
@@ -151,13 +151,13 @@ class Comparison(Result):
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok": that the results agree."""
+        """Reason of the verdict "ok", as sentences: that the results agree."""
         return "Neither result is in doubt. {1}, within the {2}.".format(*self._difference())
 
     def _difference(self):
-        """How far the largest difference of survival is beyond what the stated errors allow, and both as texts.
+        """Return (excess, difference, accepted): how far survival differs beyond the stated errors (float), and texts.
 
-        A tuple of the excess (float), a text of the difference and one of what is accepted.
+        The excess is negative where the errors explain the difference.
         """
         stated = float(np.nansum(self.error_estimate))
         apart, accepted = np.abs(self.difference), _DEVIATIONS * self.standard_error + stated
@@ -182,7 +182,10 @@ class Comparison(Result):
         return (*sentences, *_shared_seed(self.results))
 
     def dataset(self) -> Dataset:
-        """Survival of both results, their difference, leakage, and the distances of their bins at some cycles."""
+        """Return the `Dataset` (named arrays) of survival of both results, its difference, leakage, distances of bins.
+
+        A row of its table is a cycle; the distances are nan but at `joint_cycles`.
+        """
         distance = {name: np.full(self.cycles.size, math.nan) for name in _DISTANCES}
         for name, values in distance.items():
             values[self.joint_cycles] = getattr(self, name)
@@ -214,7 +217,7 @@ class Comparison(Result):
         times = self.results[0].row_values[: self.cycles.size]
 
         def survival(_, axes):
-            """Draw survival of both results on matplotlib's `axes`."""
+            """Draw survival of both results on matplotlib's `axes`; the first argument is not used."""
             survival_panel(axes, *self.results)
 
         def difference(_, axes):
@@ -226,7 +229,7 @@ class Comparison(Result):
         return figure_of(survival, difference)
 
     def summary(self) -> dict[str, Any]:
-        """All arrays and figures, names, sizes, seconds, verdict and remarks as plain values, for JSON."""
+        """Return a dict for JSON: all arrays and figures by name, engines, sizes, seconds, verdict and remarks."""
         names = [field.name for field in dataclasses.fields(self) if field.name != "results"]
         values = {name: getattr(self, name) for name in ("names", "realizations", *names, "remarks")}
         return plain(values | {"wall_s": [result.wall_s for result in self.results], "trust": self.trust.plain})
@@ -245,6 +248,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     Returns
     -------
     Comparison
+        `survival`, its `difference` and `standard_error` by cycle, distances of the joint densities, and more.
 
     Raises
     ------
@@ -307,7 +311,7 @@ def _sample_size(result: SurvivalResult) -> int | None:
 
 
 def shown_cycles(cycles: int) -> list[int]:
-    """Return the cycles, up to the last one, `cycles`, that tables and files show unless others are asked for."""
+    """Return an ascending list of the cycles that tables show: 1, 2, 4, 10, 20, ... and the last, `cycles`."""
     return sorted({*(cycle for cycle in (1, 2, 4, 10, 20, 40, 60, 100, 200) if cycle <= cycles), cycles})
 
 
@@ -333,10 +337,10 @@ def _checked_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int
 
 
 def _bin_distances(results, sizes, cycle, edges):
-    """After a cycle: L1 of bins, its floor, Hellinger, its floor; of each result, what stands outside the bins.
+    """Return six floats of a cycle: L1 of bins, its floor, Hellinger, its floor; what stands outside, of each result.
 
     `results` are two `SurvivalResult`, `sizes` their sample sizes (``math.inf`` for none), and `edges` the two arrays
-    of the edges of the bins. A tuple of six floats.
+    of the edges of the bins, in angle and velocity.
     """
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in results]
     common = sampling.pooled(bins[0], bins[1], *sizes)
@@ -350,9 +354,9 @@ def _bin_distances(results, sizes, cycle, edges):
 
 
 def _melnikov(results) -> dict:
-    """Figures of the Melnikov process, by the names of their fields, of a pair of `SurvivalResult`.
+    """Return figures of the Melnikov process, by the names of fields of `Comparison`, of a pair of `SurvivalResult`.
 
-    None each where the forcing does not repeat, or the sides of the block differ.
+    A dict of two floats and three arrays (2,), None each where the forcing does not repeat, or the sides differ.
     """
     forcing, block = results[0].scene.forcing, results[0].scene.block
     restitution, angle = block.restitution, block.critical_angle
@@ -370,13 +374,13 @@ def _melnikov(results) -> dict:
 
 
 def _interval(result) -> np.ndarray:
-    """95 % limits of survival (rows, 2) of a `SurvivalResult`, nan for what is no sample."""
+    """Return 95 % limits of survival (rows, 2) of a `SurvivalResult`, nan for what is no sample."""
     empty = np.full((len(result.times), 2), math.nan)
     return empty if result.interval is None else np.asarray(result.interval)
 
 
 def _z(difference, standard_error, sizes) -> np.ndarray:
-    """Difference (rows,) in standard errors (rows,), as an array (rows,); nan where neither result is a sample.
+    """Return an array (rows,): `difference` (rows,) over `standard_error` (rows,); nan if neither result is a sample.
 
     `sizes` are the two sample sizes, ``math.inf`` for none.
     """
@@ -387,7 +391,7 @@ def _z(difference, standard_error, sizes) -> np.ndarray:
 
 
 def _shared_seed(results) -> list[str]:
-    """List of a sentence that two samples share their random numbers; empty where they do not.
+    """Return a list of a sentence that two samples share their random numbers; empty where they do not.
 
     `results` are two `SurvivalResult`.
     """

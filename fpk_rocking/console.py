@@ -38,7 +38,7 @@ def terminable():
         return
 
     def stop(number, _):
-        """Handle the signal of a number: raise the exception that stands for it."""
+        """Raise the exception that stands for the signal of a number, `Terminated` or `Interrupted`."""
         raise Terminated if number == signal.SIGTERM else Interrupted
 
     numbers = [signal.SIGTERM]
@@ -68,7 +68,10 @@ def insistent():
     numbers, ended = queue.SimpleQueue(), threading.Event()
 
     def again(ignored):
-        """Have the signal of an ignored interruption raised anew; takes what `sys.unraisablehook` takes."""
+        """Have the signal of an ignored interruption raised anew; other exceptions go to the previous hook.
+
+        `ignored`: what `sys.unraisablehook` takes.
+        """
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
             previous(ignored)
             return
@@ -118,7 +121,7 @@ def line(message):
 
 
 def what_is_left(begun, folder, state):
-    """Return what an interrupted command leaves behind, as a sentence.
+    """Return what an interrupted command leaves behind, as a text without a full stop.
 
     Parameters
     ----------
@@ -137,7 +140,9 @@ def what_is_left(begun, folder, state):
 
 
 def check_folder(name, folder):
-    """Refuse a folder that cannot be made or written to, before the work that would be lost; make nothing yet.
+    """Raise ValueError for a folder that cannot be made or written to, before the work that would be lost.
+
+    Nothing is made yet.
 
     Parameters
     ----------

@@ -143,7 +143,7 @@ class Version(argparse.Action):
     """Prints the version, which is looked up only then."""
 
     def __call__(self, parser, *_):
-        """Print it, and end with status 0."""
+        """Print the version, and end the process with status 0, by `parser`, argparse's."""
         from importlib.metadata import version
 
         sys.stdout.write(f"fpk-rocking {version('fpk-rocking')}\n")
@@ -151,7 +151,10 @@ class Version(argparse.Action):
 
 
 def hazard_of(text):
-    """Return the `Hazard` of a text K0:K, or the text itself where it is the name of a file."""
+    """Return the `Hazard` of a `text` K0:K (numbers), or the text itself where it is the name of a file.
+
+    ValueError for anything else.
+    """
     from fpk_rocking.risk.hazard import Hazard
 
     rate, colon, exponent = text.partition(":")
@@ -164,7 +167,7 @@ def hazard_of(text):
 
 
 def distributions(options):
-    """Return the distributions of --uncertain in the parsed `options`, as texts by the names of the values."""
+    """Return the distributions of --uncertain in the parsed `options`, a dict of texts by the names of the values."""
     laws = {}
     for text in options.uncertain or ():
         name, equals, law = text.partition("=")
@@ -208,7 +211,7 @@ def scene_of(options, path):
 
 
 def _setting(text):
-    """Return the name and the value of a text KEY=VALUE; a value that is not TOML is a text."""
+    """Return (name, value) of a `text` KEY=VALUE, the value as TOML reads it; one that is not TOML is a text."""
     name, equals, value = text.partition("=")
     if not (equals and name.strip()):
         raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
@@ -219,7 +222,10 @@ def _setting(text):
 
 
 def rows_of(options, scene):
-    """Return the cycles or the times of the parsed `options`, or the default ones for a scene, as a dict."""
+    """Return a dict, keyword arguments of the solvers: "cycles" or "times" of the parsed `options`, or 40 cycles.
+
+    It is empty where none were passed and the scene has no cycles.
+    """
     return passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
 
 
@@ -229,9 +235,9 @@ def passed(options, *names):
 
 
 def scenes_at_scales(options, scenes):
-    """Return scenes (a list) as they are at scale 1, an intensity of 1 with --pga or --pgv, and the scales (a list).
+    """Return (scenes, scales), lists of `Scene` at scale 1 and of float; with --pga or --pgv scale 1 is intensity 1.
 
-    `options` are the parsed arguments.
+    `options` are the parsed arguments, `scenes` a list.
     """
     from fpk_rocking.studies.motions import at_intensity
 
@@ -247,7 +253,7 @@ def scenes_at_scales(options, scenes):
 
 
 def shaken_scenes(options):
-    """List of the scenes that the parsed `options` name, or of the one scene under each of the records named there."""
+    """Return a list of the scenes that the parsed `options` name, or of one scene under each of the records there."""
     from fpk_rocking.studies.motions import recorded_scenes
 
     scenes = [scene_of(options, path) for path in options.scenes]

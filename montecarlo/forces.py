@@ -107,7 +107,7 @@ class ContactForces:
 
     @property
     def headline(self) -> str:
-        """Whether the blocks would slide first, as a sentence."""
+        """One sentence (str): below which friction coefficient the block slides before it rocks, what rocking needs."""
         needed, count = self.needed, len(self.needed)
         typical = f" (median of {count:,} paths {np.median(needed):.3g})" if count > 1 else ""
         floor = f"the normal force falls to {self.least.min():.3g} of the weight"
@@ -133,6 +133,8 @@ def contact_forces(histories: Histories) -> ContactForces:
     Returns
     -------
     ContactForces
+        `horizontal` and `normal`, (realizations, n) over mg at `time` (n,), and what follows: `friction`, `needed`,
+        `least`.
 
     Raises
     ------
@@ -168,10 +170,10 @@ def contact_forces(histories: Histories) -> ContactForces:
 
 
 def _total_force(scene, seed, count, steps_per_cycle, times):
-    """Return the force (count, n) at times (n,) on the realizations 0, 1, ... of a scene without white noise.
+    """Return the force f (count, n), forcing plus noise, on the realizations 0, 1, ... of a `Scene`; nondimensional.
 
-    It is forcing plus noise, nondimensional. `seed` and `steps_per_cycle` are those of the run, `count` the
-    realizations.
+    The noise is any but white. `times` (n,) are ascending times τ; `seed` and `steps_per_cycle` are those of the run,
+    `count` the number of realizations.
     """
     noise = scene.noise
     force = np.tile([scene.forcing.value(time) for time in times.tolist()], (count, 1))
@@ -192,9 +194,9 @@ class _Harmonics(NamedTuple):
 
 
 def _band_noise(scene, seed, count, times):
-    """Return band noise (count, n) at times (n,), without the factor of its envelope: the sum of its harmonics.
+    """Return band noise (count, n) at `times` τ (n,), without the factor of its envelope: the sum of its harmonics.
 
-    It is that of the realizations 0, 1, ... of a `seed`, `count` of them; nondimensional.
+    It is that of the realizations 0, 1, ... of a `seed`, `count` of them, of a `Scene`; nondimensional.
     """
     keys, values, band = stream_keys(seed), np.empty((count, times.size)), band_of_scene(scene, 2.0 * math.pi)
     for number in range(count):
@@ -218,10 +220,11 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 
 @kernel
 def _write_filtered_noise(keys, parameters, places, values):
-    """Write to `values` (count, n) the noise at places (n,), ascending times in intervals.
+    """Write to `values` (count, n) the filtered noise of realizations 0, 1, ..., without its envelope; nondimensional.
 
-    Noise without a derivative is that of the parts of its intervals, in which it lifts blocks off. `keys` (4,) uint64
-    are those of the seed; `parameters`: those of the engine `filtered`.
+    `places` (n,): ascending times in units of the grid's intervals. Noise without a derivative is that of the parts of
+    its intervals, in which it lifts blocks off. `keys` (4,) uint64: those of the seed; `parameters`: those of the
+    engine `filtered`.
     """
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):

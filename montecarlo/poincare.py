@@ -66,6 +66,8 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     Returns
     -------
     MeanMap
+        Named tuple: `points` and `standard_error`, (cycles + 1, 2), of angle and velocity; `counted`;
+        `overturned_after`.
 
     Raises
     ------
@@ -121,8 +123,9 @@ def restarted_poincare_map(
     Returns
     -------
     MeanMap
-        Its standard errors are those of averaging over one cycle. The map carries an error of a mean on into the next
-        cycles, which they do not contain; runs with other seeds show it.
+        Named tuple: `points` and `standard_error`, (cycles + 1, 2), of angle and velocity; `counted`;
+        `overturned_after`. Its standard errors are those of averaging over one cycle. The map carries an error of a
+        mean on into the next cycles, which they do not contain; runs with other seeds show it.
 
     Raises
     ------
@@ -207,26 +210,27 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
 
 
 def _refuse_unknown_rule(overturned):
-    """Raise ValueError for a rule about overturned paths that is neither "clamped" nor "left out"."""
+    """Raise ValueError for a rule `overturned` (str) that is neither "clamped" nor "left out"; return None."""
     if overturned not in ("clamped", "left out"):
         raise ValueError(checks.refusal("overturned", overturned, "'clamped' or 'left out'"))
 
 
 def _cycle_images(run, cycle):
-    """States before and after one cycle of a `Run`, and the side of overturning in it.
+    """Return three arrays: angle and velocity before and after one cycle of a `Run`, and the side of overturning in it.
 
-    They are three arrays: angle (realizations, 2), velocity (realizations, 2), side (realizations,). `cycle` is its
-    number.
+    They are (realizations, 2), (realizations, 2), nondimensional, and (realizations,), -1, 1, or 0 for none; nan after
+    overturning. `cycle` is the number of the cycle.
     """
     batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in simulate_batches(run, cycle=cycle)]
     return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 
 def _mean(angle, velocity, side, cutoff, overturned):
-    """Mean (2,) of states, some of them overturned, its standard error (2,), and how many it is over.
+    """Return (mean, standard_error, counted) of states: mean (2,) of angle and velocity, its error (2,), their number.
 
-    `angle`, `velocity` (n,) are nan where `side` (n,) is that of overturning. `overturned`: "clamped", which counts
-    these at the cut-off with velocity 0, or "left out". `cutoff` is the angle of overturning.
+    `angle`, `velocity` (n,), nondimensional, are nan after overturning, and then `side` (n,) is its side, -1 or 1.
+    `overturned`: "clamped", which counts these at the cut-off with velocity 0, or "left out". `cutoff`: the angle of
+    overturning. What is not defined is nan.
     """
     states, over = np.stack([angle, velocity]), np.isnan(angle)
     if overturned == "left out":
@@ -244,9 +248,9 @@ def _mean(angle, velocity, side, cutoff, overturned):
 
 
 def _mean_map(rows, cutoff, deterministic):
-    """Return the `MeanMap` of rows of `_mean`, one a cycle; `deterministic` paths have no standard error.
+    """Return the named tuple `MeanMap` of `rows`, a list of what `_mean` returns, from τ = 0 on, one a cycle.
 
-    `cutoff` is the angle of overturning.
+    `deterministic` (bool): the standard errors are 0. `cutoff` is the angle of overturning, nondimensional.
     """
     points, errors, counted = map(np.array, zip(*rows, strict=True))
     if deterministic:

@@ -65,6 +65,8 @@ def simulate(
     Returns
     -------
     Ensemble
+        States `angle`, `velocity` (realizations, cycles + 1), times and sides of overturning; `survival`, `overturned`
+        and others by cycle.
 
     Raises
     ------
@@ -142,6 +144,8 @@ def histories(
     Returns
     -------
     Histories
+        States `angle`, `velocity` (realizations, n) at `time` (n,), overturnings, and all impacts: number of the path,
+        time τ and velocity.
 
     Raises
     ------
@@ -184,9 +188,10 @@ def histories(
 
 
 def _batches_with_all_impacts(run, samples, progress):
-    """Yield each `Batch` of a `Run`, with `samples` states a cycle and all impacts.
+    """Yield each `Batch` of a `Run`, with `samples` (int) states a cycle and all impacts.
 
-    A batch with more impacts than there was space for is simulated again with enough.
+    A batch with more impacts than there was space for is simulated again with enough. `progress`: a callable or None,
+    as of `simulate_batches`.
     """
     capacity = TUNING.impacts_per_cycle * run.rows
     for batch in simulate_batches(run, samples=samples, capacity=capacity, progress=progress):
@@ -200,7 +205,7 @@ def _batches_with_all_impacts(run, samples, progress):
 
 
 def _impacts_of(batch):
-    """Return realization, time and velocity of each impact of a `Batch`, three arrays (impacts,)."""
+    """Return three arrays (impacts,) of the impacts of a `Batch`: realization, time τ and velocity just before."""
     recorded = np.arange(batch.impacts.time.shape[1]) < batch.impacts.count[:, None]
     return batch.first + np.nonzero(recorded)[0], batch.impacts.time[recorded], batch.impacts.velocity[recorded]
 
@@ -242,6 +247,7 @@ def tally(
     Returns
     -------
     Tally
+        `survival`, `overturned`, `mean`, `covariance` and others by cycle, and binned probabilities.
 
     Raises
     ------
@@ -268,7 +274,7 @@ def tally(
         counts, spent = resumed(checkpoint, run, counts)
 
     def result():
-        """`Tally` of the realizations that have been counted so far."""
+        """Return the `Tally` of the realizations that have been counted so far."""
         wall_s = spent + time.perf_counter() - started
         return Tally(scene, run.method, run.seed, run.steps_per_cycle, wall_s, counts)
 
@@ -285,9 +291,10 @@ def tally(
 
 
 def _small_batches(run, first, progress, counts):
-    """Yield each `Batch` of a `Run` from realization `first` on, none of more states than are held at once.
+    """Yield each `Batch` of a `Run` from realization number `first` on, none of more states than are held at once.
 
-    `counts`: the `Counts` to which the caller adds each of them; `progress` as of `simulate_batches`.
+    `counts`: the `Counts` to which the caller adds each of them; `progress`: a callable or None, called with the number
+    of realizations done and that of all.
     """
     most = max(1, TUNING.tally_states // (run.rows + 1))
     report = None if progress is None else lambda done, _: progress(done, run.realizations)
@@ -297,22 +304,22 @@ def _small_batches(run, first, progress, counts):
 
 
 def _with_middles(edges):
-    """Return the edges (n + 1,) and the middles between them, (2n + 1,), the edges as they are to the last bit."""
+    """Return an ascending array (2n + 1,): edges (n + 1,), as they are to the last bit, and the middles of each two."""
     return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
 
 
 def _checked_edges(name, edges, default):
-    """Return the edges of bins (n + 1,) that a user has given, or the default ones and their middles for None.
+    """Return edges of bins (n + 1,): a user's `edges` after a check, or for None the `default` ones and their middles.
 
-    `name` is that of the parameter, for the message; `default` (m + 1,) are the default edges.
+    ValueError for edges that do not ascend; `name` (str) is that of the parameter, for the message. `default` (m + 1,).
     """
     return _with_middles(default) if edges is None else ascending_edges(name, edges, finite=True)
 
 
 def _check_size(run, edges):
-    """Raise ValueError where histograms of a `Run` do not fit into little memory.
+    """Raise ValueError where histograms of a `Run` at all its times would take more than 512 MiB; return None.
 
-    `edges` are a pair of arrays, those of the bins in angle and velocity.
+    `edges`: a pair of arrays (n + 1,), (m + 1,), those of the bins in angle and velocity.
     """
     bins = [values.size - 1 for values in edges]
     most = TUNING.tally_bytes // (4 * bins[0] * bins[1]) - 1

@@ -79,32 +79,32 @@ class Splitting(Result):
 
     @property
     def repeats(self) -> int:
-        """Number of independent repeats."""
+        """Number of independent repeats (int)."""
         return self.repeat_overturned.shape[0]
 
     @property
     def cycles(self) -> int:
-        """Number of forcing cycles."""
+        """Number of forcing cycles (int)."""
         return self.repeat_overturned.shape[1] - 1
 
     @property
     def overturned(self) -> Array:
-        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
         return self.repeat_overturned.mean(axis=0)
 
     @functools.cached_property
     def repeat_probability(self) -> Array:
-        """The estimates of each repeat: probability of having overturned by kT, shape (repeats, cycles + 1)."""
+        """Estimates of each repeat: probability of having overturned after each cycle, shape (repeats, cycles + 1)."""
         return self.repeat_overturned.sum(axis=2)
 
     @property
     def probability(self) -> Array:
-        """Probability of having overturned by kT, shape (cycles + 1,)."""
+        """Probability of having overturned after each cycle, shape (cycles + 1,)."""
         return self.repeat_probability.mean(axis=0)
 
     @property
     def survival(self) -> Array:
-        """Probability of not having overturned by kT, shape (cycles + 1,)."""
+        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
         return 1.0 - self.probability
 
     @property
@@ -141,11 +141,11 @@ class Splitting(Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Sizes, seed and the relative standard error of the last probability, as plain values by name."""
+        """Plain values by name: walkers, seed, steps, seconds, repeats, extinct ones, "skewed", the relative error."""
         return super().metadata | {name: getattr(self, name) for name in ("repeats", "extinct", "skewed")}
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against the model, and against the number of walkers and repeats."""
+        """Return a list of `Diagnostic`: what speaks against the model, or the number of walkers and repeats."""
         diagnostics = super().model_diagnostics()
         if self.skewed:
             few = (
@@ -160,12 +160,15 @@ class Splitting(Result):
 
     @property
     def title(self) -> str:
-        """The last probability with its error, as a line of text."""
+        """The last probability with its standard error, as a line of text (str)."""
         error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
         return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
 
     def dataset(self) -> Dataset:
-        """Probability of having overturned by cycle, its standard error, and the estimates of the repeats."""
+        """Return the `Dataset` (named arrays) of probability, its standard error, and the estimates of the repeats.
+
+        A row of its table is a cycle, from 0 on.
+        """
         return Dataset(
             {
                 "probability": ("cycle", self.probability),
@@ -180,11 +183,16 @@ class Splitting(Result):
         )
 
     def plot(self) -> Any:
-        """Draw the probability of having overturned, with two standard errors; returns a matplotlib figure."""
+        """Draw the probability of having overturned, with two standard errors, over the cycles.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         from fpk_rocking.results.pictures import figure_of
 
         def probability(_, axes):
-            """Draw the probability of having overturned over the cycles, with two standard errors."""
+            """Draw the probability over the cycles on matplotlib `axes`; the first argument is not used."""
             from matplotlib.ticker import MaxNLocator
 
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -236,6 +244,7 @@ def split(
     Returns
     -------
     Splitting
+        `probability` of having overturned and its `standard_error`, (cycles + 1,), estimates of each repeat, and more.
 
     Raises
     ------
@@ -303,9 +312,9 @@ def split(
 
 
 def _refuse_large(name, number, each):
-    """Raise ValueError for more states than 2.5 GiB hold.
+    """Raise ValueError where `number` walkers of `each` steps, or repeats of `each` cycles, would take over 2.5 GiB.
 
-    `number` is that of walkers or repeats, as `name` tells the message, and each has `each` steps or cycles.
+    `name`: "walkers" or "repeats", for the message; `number` and `each` are integers. Return None.
     """
     if number * (each + 1) > TUNING.splitting_states:
         raise ValueError(

@@ -40,6 +40,9 @@ def phase_flux(
 ) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
 
+    y₁ is a standard normal number and y₂ the cosine of a uniform phase; σ_M² is the Melnikov variance of the noise
+    (`noise_variance`), D_m that of `harmonic_amplitude` and M that of `impact_loss`.
+
     Parameters
     ----------
     forcing : Harmonic, Harmonics or (amplitude, frequency)
@@ -197,18 +200,19 @@ def phase_flux_sampled(
 
 
 def _single(forcing, critical_angle=0.0):
-    """Return D_m of one harmonic, a `Harmonic` or a pair (amplitude, frequency); TypeError for several harmonics.
+    """Return D_m, an array, of one harmonic, a `Harmonic` or a pair (amplitude, frequency); TypeError for several.
 
-    The pair may hold arrays, which broadcast: D_m is an array then. `critical_angle` is α, radians.
+    D_m is the amplitude of the periodic part of the Melnikov process, nondimensional. The pair may hold arrays, which
+    broadcast, to the shape of D_m. `critical_angle` is α, radians.
     """
     return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 
 
 def _excess_of_sum(along, loss, sigma):
-    """E[(σ y₁ + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles; a float.
+    """Return E[(σ y + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles; a float.
 
-    `along` is d, a `PeriodicForcing`, `loss` is M and `sigma` σ, nondimensional. Without noise in closed form, else by
-    `mean_excess`.
+    y is a standard normal number. `along` is d, a `PeriodicForcing`, `loss` is M and `sigma` σ, nondimensional. Without
+    noise it is in closed form, else by `mean_excess`.
     """
     if sigma == 0.0:
         # The mean of d is 0, so that of max(-d - M, 0) is that of max(d + M, 0) less M.
@@ -218,7 +222,10 @@ def _excess_of_sum(along, loss, sigma):
 
 
 def _strengths(noise):
-    """Return σ of one noise or of each of a nested sequence of them, as an array; white noise is refused."""
+    """Return standard deviations σ of one noise or of each of a nested sequence of them, an array of its shape.
+
+    They are nondimensional, 0 without noise; white noise raises ValueError.
+    """
     array = noise_array(noise)
     for entry in array.flat:
         if entry.kind == "white":
@@ -229,14 +236,17 @@ def _strengths(noise):
 
 
 def _excess(harmonic, loss, sigma):
-    """E[(σ y₁ + D y₂ - M)⁺], nondimensional, for arrays that broadcast: `harmonic` D, `loss` M and `sigma` σ."""
+    """Return E[(σ y₁ + D y₂ - M)⁺], nondimensional, for arrays that broadcast: `harmonic` D, `loss` M and `sigma` σ.
+
+    y₁ is a standard normal number, y₂ the cosine of a uniform phase; the result has the broadcast shape.
+    """
     quiet = np.sqrt(np.maximum(harmonic - loss, 0.0) * (harmonic + loss))
     quiet = (quiet - loss * np.arctan2(quiet, loss)) / math.pi
     return (quiet + sigma * _mean_near_zero(kink_rounding, harmonic, loss, sigma))[()]
 
 
 def _mean_near_zero(function, harmonic, loss, sigma):
-    """Mean over the phase θ of an even function of u that falls like exp(-u²/2), smooth on either side of u = 0.
+    """Return the mean over the phase θ of an even function of u that falls like exp(-u²/2), smooth beside u = 0.
 
     u is (D cos θ - M)/σ, with D `harmonic`, M `loss` and σ `sigma`, arrays of one shape, which the result has.
     `function` takes |u| as an array of any shape. Gauss-Legendre on the phases with 0 < u < 9 and on those with u < 0
@@ -257,7 +267,7 @@ def _mean_near_zero(function, harmonic, loss, sigma):
 
 
 def _phase_of(level, harmonic):
-    """Phase from 0 to π at which D cos θ falls to a level, an end where it does not.
+    """Return the phase from 0 to π, radians, at which D cos θ falls to a level, an end where it does not.
 
     `level` and D, `harmonic`, are arrays of one shape, which the result has.
     """
@@ -268,9 +278,9 @@ def _phase_of(level, harmonic):
 def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sigma: float) -> float:
     """Mean of E[(σ y + d - M)⁺] over a cycle, y a standard normal number and d a sum of harmonics.
 
-    The mean is integrated by Gauss-Legendre quadrature on panels. A panel is halved until a bound of the range of
-    u = (d - M)/σ in it shows that its nodes resolve the integrand. So the error is known before the quadrature is made,
-    and nothing depends on the agreement of two sums, which may agree by chance.
+    The mean is integrated by Gauss-Legendre quadrature on panels. A panel is halved until a bound of the range of u =
+    (d - M)/σ in it shows that its nodes resolve the integrand. So the error is known before the quadrature is made, and
+    nothing depends on the agreement of two sums, which may agree by chance.
 
     Parameters
     ----------
@@ -282,8 +292,8 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
     Returns
     -------
     float
-        Nondimensional. The rounding of d limits it to an error of 1e-15 (|M| + Σ D_k) for the part of the cycle in
-        which u is above -10.
+        The mean, nondimensional. The rounding of d limits it to an error of 1e-15 (|M| + Σ D_k) for the part of the
+        cycle in which u is above -10.
     """
     table = np.array(components, float)
     k, amplitude, phase = table[table[:, 1] > 0.0].T
@@ -310,10 +320,10 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
 
 
 def _panels(phases, half_turns, amplitudes, loss, sigma):
-    """Sum over panels of the mean in each of E[(σ y + d - M)⁺], M being `loss` and σ `sigma`, as in `mean_excess`.
+    """Return the sum over panels, a float, of the mean of E[(σ y + d - M)⁺] in each, as in `mean_excess`.
 
     The n harmonics of d have phases (panels, n) at the middles, half turns (n,) from there to an end, both in radians,
-    and amplitudes (n,).
+    and amplitudes (n,). M is `loss` and σ `sigma`, nondimensional.
     """
     nodes, weights = gauss_legendre(24, -1.0, 1.0)
     height = np.full((len(phases), nodes.size), -loss)
@@ -347,6 +357,7 @@ def normal_density(u: Array) -> Array:
     Parameters
     ----------
     u : ndarray
+        Of any shape.
 
     Returns
     -------

@@ -80,10 +80,13 @@ def critical_amplitude(
 ) -> Number:
     """Smallest amplitude A of the forcing that meets a Melnikov criterion.
 
+    D_m is that of `harmonic_amplitude`, σ_M² the Melnikov variance of the noise (`noise_variance`), M that of
+    `impact_loss`.
+
     Parameters
     ----------
     frequency : array_like
-        Frequency Ω of the forcing, above 0.
+        Angular frequency Ω of the forcing, nondimensional, above 0.
     restitution : array_like
         Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
@@ -133,7 +136,7 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, criti
     Parameters
     ----------
     frequency : array_like
-        Frequency Ω of the forcing, above 0.
+        Angular frequency Ω of the forcing, nondimensional, above 0.
     restitution : array_like
         Restitution e, from 0 to 1; it broadcasts with `frequency`.
     critical_angle : float
@@ -168,6 +171,9 @@ def margin(
     critical_angle: float = 0.0,
 ) -> Number:
     """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).
+
+    D_m is that of `harmonic_amplitude`, σ_M² the Melnikov variance of the noise (`noise_variance`), M that of
+    `impact_loss`.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ class SymmetricOrbit:
         Returns
         -------
         angle, velocity : ndarray or float
-            Of the shape of `phase`.
+            Nondimensional, of the shape of `phase`.
         """
         turned = np.mod(np.asarray(phase, float) - self.impact_phase, 2.0 * math.pi)
         # The remainder of a small negative number is rounded up to the modulus.
@@ -144,7 +144,8 @@ def symmetric_orbits(
 def _speeds(a, omega, e):
     """Positive roots W of ((1-e)² t² Ω² + (1+e)²) W² - 4 (1+e) t W + 4 (t² - B² Ω²) = 0, ascending: a list.
 
-    `a`, `omega` and `e` are amplitude, frequency and restitution, with t = tanh(π/(2Ω)) and B = a/(1 + Ω²).
+    They are impact speeds, none, one or two, nondimensional. `a`, `omega` and `e` are amplitude, frequency Ω and
+    restitution, with t = tanh(π/(2Ω)) and B = a/(1 + Ω²).
     """
     t = math.tanh(0.5 * math.pi / omega)
     push = a * omega / (1.0 + omega * omega)
@@ -159,7 +160,10 @@ def _speeds(a, omega, e):
 
 
 def _orbit(a, omega, e, speed):
-    """Return the `SymmetricOrbit` of an impact speed; `a`, `omega` and `e` are amplitude, frequency and restitution."""
+    """Return the `SymmetricOrbit` with the impact speed `speed`, nondimensional, its phase being computed from that.
+
+    `a`, `omega` and `e` are amplitude and angular frequency of the forcing, nondimensional, and the restitution.
+    """
     t = math.tanh(0.5 * math.pi / omega)
     cosine = -0.5 * (1.0 - e) * t * speed * omega
     sine = t - 0.5 * (1.0 + e) * speed
@@ -167,9 +171,10 @@ def _orbit(a, omega, e, speed):
 
 
 def _flight(orbit, time):
-    """Folded angle and velocity, (n,) each, of a `SymmetricOrbit` at times (n,) in [0, h] after an impact.
+    """Return (u, w), folded angle and velocity, of a `SymmetricOrbit` at times after an impact, nondimensional.
 
-    y = x - 1 - P obeys y'' = y and is written through its values at both ends: nothing grows, however long the flight.
+    `time` and both results are (n,), the times from 0 to h, half a cycle; u = |x|, w = du/dτ. y = x - 1 - P obeys y'' =
+    y and is written through its values at both ends: nothing grows, however long the flight.
     """
     half, omega = math.pi / orbit.frequency, orbit.frequency
     scale = orbit.amplitude / (1.0 + omega * omega)
@@ -184,10 +189,10 @@ def _flight(orbit, time):
 
 
 def _admissible(orbit, cutoff):
-    """Whether 0 < u < cutoff within the flight of a `SymmetricOrbit`; u is the folded angle, `cutoff` one as well.
+    """Whether |x| stays between 0 and `cutoff`, nondimensional, within the flight of a `SymmetricOrbit`: a bool.
 
-    By bounds of |u''| on intervals halved until each is decided; one that is undecided below 1e-9 counts as False. Near
-    the impacts at both ends, u > 0 follows from its Taylor bounds.
+    By bounds of |u''|, u = |x|, on intervals halved until each is decided; one that is undecided below 1e-9 counts as
+    False. Near the impacts at both ends, u > 0 follows from its Taylor bounds.
     """
     half, omega = math.pi / orbit.frequency, orbit.frequency
     scale = orbit.amplitude / (1.0 + omega * omega)

@@ -122,7 +122,7 @@ def harmonic_amplitude(
 
 
 def forcing_along_orbit(forcing: Harmonics, critical_angle: float) -> Harmonics:
-    """Return the forcing with each harmonic multiplied by its `transfer`: the periodic part of the Melnikov process.
+    """Return the periodic part of the Melnikov process, as a `Harmonics`: each harmonic multiplied by its `transfer`.
 
     `critical_angle` is α, radians.
     """
@@ -227,7 +227,7 @@ def sampled_process(
     times : array_like, shape (T,)
         Times τ₀ at which the orbit meets x = 0, nondimensional.
     frequencies, phases : array_like, shape (..., N)
-        Frequencies ν_n and phases φ_n of the realizations (paper eq. 4).
+        Angular frequencies ν_n, nondimensional, and phases φ_n, radians, of the realizations (paper eq. 4).
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
 
@@ -279,6 +279,11 @@ def numbers(
     at_least, above, at_most : float, optional
         Bounds of every entry; `above` is strict.
 
+    Returns
+    -------
+    ndarray
+        `value` as floats, of its shape.
+
     Raises
     ------
     TypeError
@@ -300,13 +305,19 @@ def numbers(
 
 
 def refuse_exact(critical_angle: float, what: str) -> None:
-    """Raise ValueError for a critical angle above 0; `what` names what is known for a slender block alone."""
+    """Raise ValueError for a critical angle, radians, above 0, else return None.
+
+    `what`, a text, names what is known for a slender block alone, for the message.
+    """
     if checks.number("critical_angle", critical_angle, at_least=0.0) > 0.0:
         raise ValueError(checks.refusal("critical_angle", critical_angle, f"0 (block.slender = true) for {what}"))
 
 
 def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
-    """Return A and Ω as arrays, from a `Harmonic` or from a pair (amplitude, frequency) of array_like, checked."""
+    """Return (A, Ω), arrays, from a `Harmonic` or from a pair (amplitude, frequency) of array_like, checked.
+
+    Both are nondimensional; other forcings raise TypeError or ValueError.
+    """
     if isinstance(forcing, Harmonic):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
     refuse_transient(forcing, "the Melnikov process")
@@ -320,7 +331,10 @@ def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
 
 
 def noise_array(noise: Any) -> Array:
-    """Return an object array of noises, from one noise or nested sequences; refuse other things, and envelopes."""
+    """Return an object array of noises, from one noise, shape (), or nested sequences, of their shape.
+
+    Other things raise TypeError, and noises with an envelope ValueError.
+    """
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
         checks.instance("noise", entry, *NOISES.values())
@@ -329,9 +343,9 @@ def noise_array(noise: Any) -> Array:
 
 
 def melnikov_deviations(noise: Any, critical_angle: float = 0.0) -> Array:
-    """Return the standard deviations σ_M, nondimensional, from one noise or a nested sequence of noises, as an array.
+    """Return the standard deviations σ_M, nondimensional, of the Melnikov process under one noise or each of many.
 
-    `critical_angle` is α, radians.
+    `noise` is one, or a nested sequence, whose shape the array has. `critical_angle` is α, radians.
     """
     array = noise_array(noise)
     return np.sqrt([noise_variance(entry, critical_angle) for entry in array.flat]).reshape(array.shape)

@@ -19,9 +19,9 @@ _intrinsic: Callable[..., Callable[..., Any]] = intrinsic
 
 
 def scratch(rows: int, columns: int) -> Callable[[], Any]:
-    """Return a function that makes an array (rows, columns), not initialized, on the stack of the kernel that calls it.
+    """Return a function, for kernels, that returns an array (rows, columns) of float on the stack of its caller.
 
-    The array lasts as long as the kernel, so nothing may return it.
+    The array is not initialized, and lasts as long as the kernel that calls, so nothing may return it.
     """
     array, word = types.Array(types.float64, 2, "C"), 8
 
@@ -63,7 +63,10 @@ class _BorrowedTuple(models.PrimitiveModel):
 
 
 def _borrowed_type(kind):
-    """Numba type of what `borrowed` makes of a value of type `kind`: another for a named tuple with arrays only."""
+    """Return the numba type of what `borrowed` makes of a value of numba type `kind`.
+
+    It is a `BorrowedTuple` for a named tuple with arrays, else `kind` itself.
+    """
     return BorrowedTuple(kind) if isinstance(kind, types.NamedTuple) and _has_arrays(kind) else kind
 
 
@@ -84,9 +87,10 @@ class _Fields(AttributeTemplate):
 
 @lower_getattr_generic(BorrowedTuple)
 def _field(context, builder, borrowed, value, name):
-    """Generate code that reads the field `name` of `value`, a `BorrowedTuple`, without owning its memory; for numba.
+    """Generate code that reads the field `name` of a `BorrowedTuple`, for numba; return the field's LLVM value.
 
-    `context` and `builder` are numba's target context and llvmlite's builder, as in all generators here.
+    `value` is the tuple's LLVM value and `borrowed` its numba type. The field does not own its memory. `context` and
+    `builder` are numba's target context and llvmlite's builder, as in all generators here.
     """
     number = borrowed.kind.fields.index(name)
     return _disowned(context, builder, borrowed.kind.types[number], builder.extract_value(value, number))
@@ -130,8 +134,9 @@ def borrowed(typing, value):  # noqa: ARG001
 
 @_intrinsic
 def own(typing, value):  # noqa: ARG001
-    """Keep an array, or a tuple with arrays, that a kernel made, up to this call: what is borrowed from it lasts.
+    """Keep an array, or a tuple with arrays, that a kernel made, alive up to this call, which returns nothing.
 
+    What is `borrowed` from it lasts so long.
     Kernels pass `value` alone; numba adds `typing`.
     """
     return types.void(value), lambda context, *_: context.get_dummy_value()
@@ -160,21 +165,24 @@ class _Model(models.PrimitiveModel):
 
 
 def _shuffled(builder, value, order):
-    """Generate a vector of the elements of an LLVM vector `value` whose indices are `order`, a sequence of int."""
+    """Return an LLVM vector of the elements of an LLVM vector `value` whose indices are `order`, a sequence of int.
+
+    `builder`: llvmlite's, which gets the instruction.
+    """
     mask = ir.Constant(ir.VectorType(_INDEX, len(order)), [ir.Constant(_INDEX, k) for k in order])
     return builder.shuffle_vector(value, ir.Constant(value.type, ir.Undefined), mask)
 
 
 def _spread(builder, value):
-    """Generate the vector whose `WIDTH` elements are all the LLVM double `value`."""
+    """Return the LLVM vector whose `WIDTH` elements are all the LLVM double `value`; `builder`: llvmlite's."""
     first = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(_INDEX, 0))
     return _shuffled(builder, first, [0] * WIDTH)
 
 
 def _define(operation, name):
-    """Give `Lanes` an operation among themselves and with a number.
+    """Let numba compile an operation among `Lanes` and of `Lanes` with a float; its result are `Lanes`.
 
-    `operation` is a function of `operator`, and `name` is the method of llvmlite's builder that does it.
+    `operation` is a function of Python's `operator`, and `name` is the method of llvmlite's builder that does it.
     """
     operands = (lanes, lanes), (lanes, types.float64), (types.float64, lanes)
 
@@ -197,7 +205,7 @@ for _operation, _name in ((operator.add, "fadd"), (operator.sub, "fsub"), (opera
 
 
 def _place(context, builder, kind, array, row):
-    """Generate the pointer, to a vector, to the begin of a row of an array; row 0 where `row` is None.
+    """Return the LLVM pointer, to a vector, to the begin of a row of an array; row 0 where `row` is None.
 
     `kind` is the array's numba type; `array` and `row` are LLVM values.
     """

@@ -12,7 +12,7 @@ import numpy as np
 
 @functools.cache
 def gauss_legendre(count, low=0.0, high=1.0):
-    """Gauss-Legendre points, ascending, and weights on the interval from `low` to `high`, (count,) each."""
+    """Return Gauss-Legendre points, ascending, and weights on the interval from `low` to `high`, (count,) each."""
     points, weights = np.polynomial.legendre.leggauss(count)
     half = 0.5 * (high - low)
     return 0.5 * (low + high) + half * points, half * weights
@@ -20,7 +20,7 @@ def gauss_legendre(count, low=0.0, high=1.0):
 
 @functools.cache
 def gauss_hermite(count):
-    """Gauss-Hermite nodes, ascending and in standard deviations, and weights of sum 1, (count,) each.
+    """Return Gauss-Hermite nodes, ascending and in standard deviations, and weights of sum 1, (count,) each.
 
     They integrate polynomials up to degree 2 count - 1 over the standard normal density exactly.
     """
@@ -30,7 +30,7 @@ def gauss_hermite(count):
 
 @functools.cache
 def gauss_hermite_product(first, second):
-    """Nodes (first * second, 2) and weights (first * second,) of sum 1 of the product of two Gauss-Hermite rules.
+    """Return nodes (first * second, 2) and weights (first * second,) of sum 1 of a product of two Gauss-Hermite rules.
 
     `first` and `second` are their numbers of nodes; the second runs fastest. Nodes are in standard deviations.
     """
@@ -41,7 +41,7 @@ def gauss_hermite_product(first, second):
 
 
 def legendre_basis(points, degree):
-    """Legendre polynomials, orthonormal on [0, 1], up to a degree: values (..., degree + 1) at points (...)."""
+    """Return values (..., degree + 1) of the Legendre polynomials, orthonormal on [0, 1], at points (...)."""
     points = np.asarray(points, dtype=float)
     values = np.polynomial.legendre.legvander(2.0 * points.ravel() - 1.0, degree)
     return (values * np.sqrt(2.0 * np.arange(degree + 1) + 1.0)).reshape(*points.shape, degree + 1)
@@ -49,17 +49,20 @@ def legendre_basis(points, degree):
 
 @functools.cache
 def legendre_at_gauss_points(count, degree):
-    """Legendre polynomials, orthonormal on [0, 1], at its `count` Gauss-Legendre points: values (count, degree + 1)."""
+    """Return values (count, degree + 1) of the Legendre polynomials, orthonormal on [0, 1], at its Gauss points.
+
+    These are its `count` Gauss-Legendre points.
+    """
     return legendre_basis(gauss_legendre(count)[0], degree)
 
 
 def bernstein_basis(points, degree):
-    """Bernstein polynomials of a degree on [0, 1]: values (degree + 1, n) at points (n,)."""
+    """Return values (degree + 1, n) of the Bernstein polynomials of a degree on [0, 1] at points (n,)."""
     return np.array([math.comb(degree, k) * points**k * (1.0 - points) ** (degree - k) for k in range(degree + 1)])
 
 
 def find_cells(lines, points, side="right"):
-    """Return the cells (...) of ascending mesh lines that hold points (...), the nearest for points beyond them.
+    """Return the cells (...), indices from 0, between ascending mesh lines that hold points (...); else the nearest.
 
     `lines` are (n + 1,) for n cells. A point on a mesh line belongs to the cell above it for the side "right", to the
     one below it for "left".
@@ -68,9 +71,9 @@ def find_cells(lines, points, side="right"):
 
 
 def locate(lines, points):
-    """Return the cells (...) of points (...), see `find_cells`, and reference coordinates (...): 0 to 1 within a cell.
+    """Return (cells, coordinates) of points (...): indices (...), see `find_cells`, and places in them, 0 to 1, (...).
 
-    `lines` (n + 1,) are ascending mesh lines.
+    Points beyond the mesh have places below 0 or above 1. `lines` (n + 1,) are ascending mesh lines.
     """
     cells = find_cells(lines, points)
     return cells, (points - lines[cells]) / (lines[cells + 1] - lines[cells])

@@ -43,7 +43,10 @@ _LONGEST = 500
 
 
 def refusal(name, got, accepted):
-    """Text of a refusal: the parameter's dotted name, the value that was got, and a text of what is accepted."""
+    """Return the text "NAME: got GOT, accepted: ACCEPTED" of a refusal.
+
+    `name` is the parameter's dotted name, `got` the value, whatever it is, and `accepted` a text of what is accepted.
+    """
     try:
         text = repr(got)
     except ValueError:  # Python writes no integer of more than 4300 digits
@@ -119,7 +122,9 @@ def part(name, value):
 
 
 def count(name, value, at_least=1, at_most=None):
-    """Return an int that is at least `at_least` and, where that is given, at most `at_most`; `name` is for the message.
+    """Return `value` as an int after a check: at least `at_least` and at most `at_most` (None: no bound).
+
+    `name` (str) is that of the parameter, for the message.
 
     Raises
     ------
@@ -137,7 +142,7 @@ def count(name, value, at_least=1, at_most=None):
 
 
 def array(name, value, accepted):
-    """Return an array of floats, of the shape of `value`, or raise TypeError where one is no real number.
+    """Return an array of floats, of the shape of `value`, an array_like; TypeError where one is no real number.
 
     `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
     """
@@ -196,7 +201,10 @@ def interval(name, value):
 
 
 def sentence(name, value):
-    """Return a text of one line that can be printed, or raise TypeError or ValueError; `name` is for the message."""
+    """Return `value`, if it is a text of one line that can be printed, else raise TypeError or ValueError.
+
+    `name` is that of the parameter, for the message.
+    """
     accepted = "a text of one line that can be printed"
     if not isinstance(value, str):
         raise TypeError(refusal(name, value, accepted))
@@ -280,9 +288,10 @@ ENGINES = " (the range of the engines)"
 
 
 def sizes(name, values, low, high, or_none=False):
-    """Refuse a value whose size |value| is not from `low` to `high`, the engines' range; `name` is for the message.
+    """Raise ValueError for a value whose size |value| is not from `low` to `high`, the engines' range.
 
-    `values` is a number, None, which is passed over, or a tuple of such. With `or_none` 0 is accepted too.
+    `name` is that of the parameter, for the message. `values` is a number, None, which is passed over, or a tuple of
+    such. With `or_none` 0 is accepted too.
     """
     none = low > 0.0 and or_none
     for value in values if isinstance(values, tuple) else (values,):

@@ -34,7 +34,7 @@ _IMPORT = re.compile(r"^ *from ((?:fpk_rocking|montecarlo)[\w.]*) import (\([^)]
 
 
 def _cache_root() -> pathlib.Path:
-    """Folder of all cached machine code: NUMBA_CACHE_DIR, else one in the user's cache folder."""
+    """Return the folder (path) of all cached machine code: NUMBA_CACHE_DIR, else one in the user's cache folder."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return pathlib.Path(chosen)
@@ -43,7 +43,7 @@ def _cache_root() -> pathlib.Path:
 
 @functools.cache
 def source_files(path: pathlib.Path) -> frozenset:
-    """Return a source file of the project and all of the project's files that it imports, directly or not, as paths."""
+    """Return a frozenset of paths: a source file of the project, and all of these that it imports, even indirectly."""
     files, todo = set(), [path]
     while todo:
         here = todo.pop()
@@ -55,7 +55,7 @@ def source_files(path: pathlib.Path) -> frozenset:
 
 @functools.cache
 def _imported_files(path):
-    """List of the paths of the project's files that a file at `path` imports, modules and packages alike."""
+    """Return a list of the paths of the project's files that a file at `path` imports, modules and packages alike."""
     files = []
     for module, names in _IMPORT.findall(path.read_text(encoding="utf-8")):
         folder = _ROOT.joinpath(*module.split("."))
@@ -67,7 +67,10 @@ def _imported_files(path):
 
 @functools.cache
 def cache_folder(path: pathlib.Path) -> pathlib.Path:
-    """Path of the folder for the machine code of a source file, named after its text and that of what it imports."""
+    """Return the path of the folder for the machine code of a source file at `path`.
+
+    It is named after a digest of the file's text and that of what it imports.
+    """
     digest = hashlib.sha256()
     for source in sorted(source_files(path)):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
@@ -121,19 +124,19 @@ class Kernel:
         self._options = usual | options
 
     def __call__(self, *arguments, **named):
-        """Call the function from Python."""
+        """Call the compiled function from Python; return what it returns."""
         return self.for_python(*arguments, **named)
 
     @functools.cached_property
     def for_python(self):
-        """Numba's dispatcher for calls from Python."""
+        """Numba's dispatcher of the function for calls from Python, which caches on disk."""
         compiled = numba.njit(**self._options)(self.py_func)
         compiled.compile = _compile_in_turn(compiled, self._file)
         return compiled
 
     @functools.cached_property
     def for_kernels(self):
-        """Numba's dispatcher for calls from other kernels, which Python cannot call."""
+        """Numba's dispatcher of the function for calls from other kernels, which Python cannot call."""
         return numba.njit(**self._options, no_cpython_wrapper=True)(self.py_func)
 
 
@@ -152,7 +155,7 @@ def _compile_in_turn(compiled, file):
     compile_for, cached = compiled.compile, []
 
     def compile_in_turn(signature):
-        """Compile for a signature, as `compile` of numba's dispatcher does, while no other process does so."""
+        """Compile for a signature while no other process does so; return what numba's own `compile` returns."""
         with contextlib.ExitStack() as stack:
             folder = cache_folder(file)
             # Where the folder cannot be written to, nothing is kept there, and there is nothing to guard.
@@ -187,7 +190,7 @@ _most = contextvars.ContextVar[int]("most threads")
 
 
 def thread_count():
-    """Return the number of threads that kernels may use here."""
+    """Return the number of threads (int) that kernels may use here: `at_most` of them, or NUMBA_NUM_THREADS."""
     return min(numba.config.NUMBA_NUM_THREADS, _most.get(numba.config.NUMBA_NUM_THREADS))
 
 
@@ -203,7 +206,7 @@ def at_most(threads):
 
 @functools.cache
 def _pool():
-    """Pool of the threads, made at the first call."""
+    """Return the ThreadPoolExecutor of the process, made at the first call."""
     return concurrent.futures.ThreadPoolExecutor(numba.config.NUMBA_NUM_THREADS)
 
 
@@ -212,7 +215,10 @@ if hasattr(os, "register_at_fork"):
 
 
 def map_threads(function, items):
-    """Call a function, which runs kernels, with each of some items (a sequence); the threads take them in turn."""
+    """Call a function, which runs kernels, with each of some items (a sequence); return None when all have ended.
+
+    The threads take the items in turn; what the function returns is dropped.
+    """
     waiting = iter(items)
 
     def work():

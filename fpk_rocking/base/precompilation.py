@@ -59,7 +59,7 @@ _queued = []
 
 
 def task_for_block(task, scene):
-    """Return the name of the task that compiles for a scene: kernels are made for each kind of block.
+    """Return the name (str) of the task that compiles for a `Scene`: kernels are made for each kind of block.
 
     `task` is that for slender blocks; that for exact ones ends with "_exact", that for unequal sides with "_body".
     """
@@ -122,7 +122,7 @@ def start_process(*tasks):
 
 
 def compile_all(report):
-    """Run all tasks, as many at once as there are processors.
+    """Run all `TASKS` in processes of their own, as many at once as there are processors.
 
     Parameters
     ----------
@@ -157,12 +157,12 @@ def compile_all(report):
 
 
 def processors():
-    """Return how many processors this process may use."""
+    """Return how many processors (int) this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _mark_file(task):
-    """Path of the file whose presence marks a task, one of `TASKS`, as compiled.
+    """Return the path of the file whose presence marks a task, one of `TASKS`, as compiled.
 
     It holds for this source code, this numba and this processor.
     """
@@ -178,7 +178,7 @@ def _mark_file(task):
 
 
 def _is_compiled(task):
-    """Whether the machine code of a task, one of `TASKS`, is on the disk."""
+    """Whether the machine code of a task, one of `TASKS`, is on the disk (bool)."""
     try:
         return _mark_file(task).exists()
     except OSError:

@@ -61,12 +61,12 @@ class Density:
 
     @property
     def mesh_lines(self) -> tuple[Array, Array]:
-        """Mesh lines (angle, velocity), nondimensional."""
+        """Mesh lines (angle, velocity), arrays (angle cells + 1,) and (velocity cells + 1,), nondimensional."""
         return self.space.angle_lines, self.space.velocity_lines
 
     @property
     def degree(self) -> int:
-        """Polynomial degree in each direction."""
+        """Polynomial degree in each direction, an int."""
         return self.space.degree
 
     def cell_values(self, points: int) -> Array:
@@ -96,6 +96,7 @@ class Density:
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
+            Probabilities.
         """
         return self.space.bin_integrals(self.coefficients, angle_edges, velocity_edges)
 
@@ -110,6 +111,7 @@ class Density:
         Returns
         -------
         ndarray, shape (n,)
+            The density at the points; 0 outside the mesh, nan where the point is nan.
         """
         coefficients = np.einsum("xva,v->xa", self.coefficients[..., 0], np.diff(self.space.velocity_lines))
         return self._marginal(coefficients, 0, angle)
@@ -125,14 +127,15 @@ class Density:
         Returns
         -------
         ndarray, shape (n,)
+            The density at the points; 0 outside the mesh, nan where the point is nan.
         """
         coefficients = np.einsum("xvb,x->vb", self.coefficients[..., 0, :], np.diff(self.space.angle_lines))
         return self._marginal(coefficients, 1, velocity)
 
     def _marginal(self, coefficients, axis, points):
-        """Evaluate at points (n,) a piecewise polynomial `coefficients` (cells, degree + 1) along an axis.
+        """Return the values (n,) at `points` (n,) of a piecewise polynomial of `coefficients` (cells, degree + 1).
 
-        The axis is 0 for the angle and 1 for the velocity; the value is 0 beyond the mesh.
+        `axis` is 0 for the angle and 1 for the velocity; the value is 0 beyond the mesh, and nan at nan.
         """
         lines = self.mesh_lines[axis]
         points = np.asarray(points, dtype=float)
@@ -151,6 +154,7 @@ class Density:
         Returns
         -------
         skfem.CellBasis
+            Of quadrilaterals with products of Legendre polynomials.
         """
         return self.space.basis(order)
 
@@ -193,18 +197,19 @@ class Density:
         Returns
         -------
         float
+            Nondimensional; not divided by the survival probability.
         """
         order = self.degree + max(angle_power, velocity_power)
         return self.integral(lambda x, v: x**angle_power * v**velocity_power, order)
 
     @property
     def mean(self) -> Array:
-        """Mean of angle and velocity of the blocks that stand, shape (2,)."""
+        """Mean of angle and velocity of the blocks that stand, shape (2,), nondimensional."""
         return np.array([self.moment(1, 0), self.moment(0, 1)]) / self.moment(0, 0)
 
     @property
     def covariance(self) -> Array:
-        """Covariance of angle and velocity of the blocks that stand, shape (2, 2)."""
+        """Covariance of angle and velocity of the blocks that stand, shape (2, 2), nondimensional."""
         mixed = self.moment(1, 1)
         second = np.array([[self.moment(2, 0), mixed], [mixed, self.moment(0, 2)]]) / self.moment(0, 0)
         return second - np.outer(self.mean, self.mean)

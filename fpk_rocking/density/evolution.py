@@ -128,12 +128,12 @@ class Evolution(Saved, SurvivalResult):
 
     @functools.cached_property
     def space(self) -> Space:
-        """Mesh and polynomials that the coefficients belong to."""
+        """Mesh and polynomial degree, a `Space`, that the coefficients belong to."""
         return Space(self.angle_lines, self.velocity_lines, self.coefficients.shape[-1] - 1)
 
     @property
     def bins_tol(self) -> float:
-        """Error of the binned density that was asked for; inf where any is right."""
+        """Error (L1) of the binned density that was asked for; inf where any is right."""
         return self.settings.get("bins_tol", math.inf)
 
     def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
@@ -170,7 +170,7 @@ class Evolution(Saved, SurvivalResult):
 
     @property
     def total_error(self) -> Array | None:
-        """Total errors of survival, overturned left and overturned right, shape (cycles + 1, 3).
+        """Total errors of survival, overturned left and overturned right, shape (cycles + 1, 3), or None.
 
         The solver's estimate where the noise was solved as it is; `Replacement.total` where another noise replaced it
         and that was checked; None where it was not checked.
@@ -199,24 +199,24 @@ class Evolution(Saved, SurvivalResult):
         return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of this density beside its errors: the model, unchecked noise, rest that is not resolved."""
+        """Return a list of `Diagnostic`, beside those of errors: the model, unchecked noise, unresolved rest."""
         return scene_diagnostics(self.scene, "" if self.replacement else self.noise_replacement, self.unresolved)
 
     @property
     def error_figures(self) -> dict[str, Any]:
-        """Error figures; the total error where the replacement of the noise was checked."""
+        """Error figures, a dict of values by name; the total error where the replacement of the noise was checked."""
         figures = super().error_figures
         return figures if self.replacement else {name: figures[name] for name in figures if name != "total_error"}
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences that a reader needs: scene, noise and its check, what is not to be trusted, what is not judged."""
+        """Sentences, a tuple of text, that a reader needs: scene, noise and its check, what is not to be trusted."""
         check = check_remarks(self) if self.replacement else ()
         return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, self.below_zero, *check))))
 
     @property
     def below_zero(self) -> str:
-        """By how much a probability of overturning is below 0, as a sentence; empty up to a hundredth of a millionth.
+        """By how much a probability of overturning is below 0, as a sentence; an empty text up to 1e-8.
 
         Where the density is not resolved it has small negative parts, and some of them overturn.
         """
@@ -228,7 +228,7 @@ class Evolution(Saved, SurvivalResult):
 
     @property
     def unresolved(self) -> str:
-        """What is not resolved, as sentences: `at_rest` where its error is above √tol / 3, a density that never is."""
+        """What is not resolved, as a text of sentences: `at_rest` with an error above √tol / 3, or a density."""
         never = self.unjudged if len(self.settings.get("unresolved", ())) == len(self.times) - 1 else ""
         return " ".join(filter(None, [self.unresolved_beyond(bins_tolerance(self.tol)), never]))
 
@@ -243,6 +243,7 @@ class Evolution(Saved, SurvivalResult):
         Returns
         -------
         str
+            The sentence, or "".
         """
         if self.rest_error_estimate <= wanted:
             return ""
@@ -269,12 +270,12 @@ class Evolution(Saved, SurvivalResult):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Settings and error figures, tolerances, and the measured replacement: plain values by name."""
+        """Settings and error figures, tolerances, and the measured replacement: a dict of plain values by name."""
         own = {} if math.isinf(self.bins_tol) else {"bins_tol": self.bins_tol}
         return super().metadata | own | ({"replacement": self.replacement.plain} if self.replacement else {})
 
     def dataset(self) -> Dataset:
-        """Survival, overturned to either side, truncated, at rest and binned probabilities over the times.
+        """Survival, overturned to either side, truncated, at rest and binned probabilities over times, as a `Dataset`.
 
         Where the replacement of the noise was checked: also what it changes in survival, the sampling error of that,
         and the total error of survival.
@@ -300,6 +301,7 @@ class Evolution(Saved, SurvivalResult):
         Returns
         -------
         Density
+            Called with angles and velocities, nondimensional, it gives the density there.
 
         Raises
         ------
@@ -312,7 +314,7 @@ class Evolution(Saved, SurvivalResult):
         return Density(self.space, self.coefficients[cycle])
 
     def _binned(self, row, edges):
-        """Probabilities (angle bins, velocity bins) at a row: of a start that is a point, or of density and rest.
+        """Return probabilities (angle bins, velocity bins) at a row: of a point start, or of density and rest.
 
         `row` is the index of a time, 0 that of the start; `edges` a pair of arrays, bin edges in angle and in velocity.
         """
@@ -325,7 +327,7 @@ class Evolution(Saved, SurvivalResult):
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
-    """Masses (cycles + 1,) of densities that count as being at rest; of a point start 0 or 1 at first.
+    """Return the masses (cycles + 1,) of densities that count as being at rest; of a point `start` 0 or 1 at first.
 
     `coefficients` (cycles + 1, ``space.shape``) are those after 0, 1, ... cycles.
     """

@@ -22,7 +22,10 @@ from fpk_rocking.physics.noise.state_space import transition_and_factor
 
 
 class Whitened(NamedTuple):
-    """States dy = drift y dτ + input dW that are independent standard normal variables; the noise is sigma y1."""
+    """States dy = drift y dτ + input dW that are independent standard normal variables; the noise is sigma y1.
+
+    `drift` (n, n) and `input` (n,) are those of n states; all are nondimensional.
+    """
 
     sigma: float
     drift: np.ndarray
@@ -30,7 +33,7 @@ class Whitened(NamedTuple):
 
 
 def whitened(noise):
-    """Return the `Whitened` states of the filter, of one state or two, of filtered noise (`scene.noise`)."""
+    """Return the named tuple `Whitened` (sigma, drift, input) of filtered `noise`, of one state or two."""
     space = noise.space
     factor = np.linalg.cholesky(space.correlation)
     output = space.output @ factor
@@ -76,12 +79,11 @@ class Nodes:
         self._degrees = list(np.ndindex(self.weights.shape))
 
     def piecewise_constant_factor(self, duration):
-        """Factor of the noise that is constant over steps of a duration, for its Melnikov variance.
+        """Return the factor near 1 that gives noise, constant over steps of a duration, the right Melnikov variance.
 
-        It is a number near 1, by which that variance is right; `duration` is nondimensional. Constant over each step
-        the noise has, on average over the place in a step, the autocovariance that is interpolated linearly between its
-        values at whole steps. With Φ the step of the mean, the values are the first entries of Φ^k, and sums over k of
-        Φ^k exp(-k duration) are geometric series.
+        `duration` is nondimensional. Constant over each step the noise has, on average over the place in a step, the
+        autocovariance that is interpolated linearly between its values at whole steps. With Φ the step of the mean, the
+        values are the first entries of Φ^k, and sums over k of Φ^k exp(-k duration) are geometric series.
         """
         phi, _ = transition_and_factor(self.drift, self.input, duration)
         part, weights = gauss_legendre(8)
@@ -95,7 +97,7 @@ class Nodes:
         return math.sqrt(self._melnikov / variance)
 
     def transition_matrix(self, duration):
-        """Matrix (nodes, nodes) that takes the masses of the nodes over a duration, nondimensional.
+        """Return the matrix (nodes, nodes) that takes the masses of the nodes over a `duration`, nondimensional.
 
         Its columns sum to 1, and the nodes are those of `weights`, raveled.
         """
@@ -106,13 +108,13 @@ class Nodes:
         return self.weights.reshape(-1, 1) * (self._table @ gain @ self._table.T)
 
     def _moved(self, phi, factor):
-        """Matrix (nodes, nodes) that shares the mass of each node among the nodes about where the filter takes it.
+        """Return a matrix (nodes, nodes) that shares each node's mass among the nodes about where the filter takes it.
 
-        `phi` (2, 2) and `factor` (2, 2) take the states over the step: their mean, and the Cholesky factor of the
-        noise. It gathers noise of 35 values in the direction of y1, which in a long step have to be as near to each
-        other as its nodes, and of 5 in that of y2. Means, variances and third moments are kept, and mass at rest on one
-        side of the level of lift-off passes to the other side only as far as the filter moves it: polynomials over all
-        nodes would reflect it there.
+        Columns are the nodes before. `phi` (2, 2) and `factor` (2, 2) take the states over the step: their mean, and
+        the Cholesky factor of the noise. It gathers noise of 35 values in the direction of y1, which in a long step
+        have to be as near to each other as its nodes, and of 5 in that of y2. Means, variances and third moments are
+        kept, and mass at rest on one side of the level of lift-off passes to the other side only as far as the filter
+        moves it: polynomials over all nodes would reflect it there.
         """
         size, means = self.weights.size, self.states.reshape(-1, 2) @ phi.T
         matrix = np.zeros((size, *self.weights.shape))
@@ -125,9 +127,10 @@ class Nodes:
 
 
 def hermite_rule(count):
-    """Nodes and weights (count,) of Gauss-Hermite quadrature, and the Hermite polynomials at them (nodes, degrees).
+    """Return (nodes, weights, polynomials) of Gauss-Hermite quadrature, of shapes (count,), (count,), (count, count).
 
-    By the eigenvectors of the polynomials' recurrence, orthonormal for the normal distribution (Golub and Welsch 1969).
+    The weights sum to 1; column k has the orthonormal Hermite polynomial of degree k at the nodes. They are for the
+    normal distribution, by the eigenvectors of the polynomials' recurrence (Golub and Welsch 1969).
     """
     beside = np.sqrt(np.arange(1.0, count))
     nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
@@ -136,9 +139,9 @@ def hermite_rule(count):
 
 
 def equispaced_rule(count, spacing):
-    """Nodes (count,) of one spacing about 0, and weights (count,) by the normal density, which sum to 1.
+    """Return (nodes, weights), (count,) each: nodes of one spacing about 0, weighted by the normal density.
 
-    `spacing` is in standard deviations; they are exact to rounding up to .6.
+    `spacing` is in standard deviations; the weights sum to 1, and are exact to rounding up to a spacing of .6.
     """
     nodes = spacing * (np.arange(count) - 0.5 * (count - 1))
     weights = np.exp(-0.5 * nodes**2)
@@ -146,16 +149,16 @@ def equispaced_rule(count, spacing):
 
 
 def _lagrange(points, nodes):
-    """Weights (n, m) that interpolate at `points` (n,) by the polynomial through `nodes` (m,)."""
+    """Return weights (n, m) that interpolate at `points` (n,) by the polynomial through `nodes` (m,)."""
     ratios = (points[:, None, None] - nodes) / (nodes[:, None] - nodes + np.eye(len(nodes)))
     ratios[:, np.arange(len(nodes)), np.arange(len(nodes))] = 1.0
     return ratios.prod(axis=2)
 
 
 def _cubic(points, lattice):
-    """Weights (n, m) of the cubic through the four nodes of a `lattice` (m,) about each of the `points` (n,).
+    """Return weights (n, m) of the cubic through the four nodes of a `lattice` (m,) about each of the `points` (n,).
 
-    Points beyond the lattice are moved to its ends.
+    The lattice is equally spaced. Points beyond it are moved to its ends.
     """
     place = (np.clip(points, lattice[0], lattice[-1]) - lattice[0]) / (lattice[1] - lattice[0])
     first = np.clip(place.astype(int) - 1, 0, len(lattice) - 4)
@@ -165,7 +168,7 @@ def _cubic(points, lattice):
 
 
 def _on_polynomials(phi, degrees):
-    """Matrix of a step on normalized Hermite polynomials of two variables, of the given degrees.
+    """Return the matrix of a step on normalized Hermite polynomials of two variables, of the given degrees.
 
     `phi` (2, 2) takes the mean of the states over the step; `degrees` is a list of pairs (a, b), the rows and columns.
     """
@@ -212,12 +215,12 @@ class FilteredDiscretization(NamedTuple):
 
     @property
     def steps(self):
-        """Steps a cycle."""
+        """Number of steps a cycle, an int."""
         return round(1.0 / self.time_grid[-1]) * (len(self.time_grid) - 1)
 
     @property
     def memory(self):
-        """Bytes that a solution takes, about, densities after all cycles left out."""
+        """Bytes that a solution takes, about, a float, densities after all cycles left out."""
         modes, cells = self.plane.degree + 1, math.prod(self.plane.cells)
         unknowns = cells * modes**2
         # An event can reach about half of the cells; the paths from these are kept.
@@ -225,21 +228,21 @@ class FilteredDiscretization(NamedTuple):
         return 8 * unknowns * (8 + 3 * math.prod(self.nodes)) + (len(self.time_grid) - 1) * (self.nodes[0] + 1) * step
 
     def stored(self, rows):
-        """Bytes of the densities over all nodes at a number of `rows`, the times of a result."""
+        """Return the bytes, an int, of the densities over all nodes at a number of `rows`, the times of a result."""
         return self.plane.stored(rows)
 
     @property
     def settings(self):
-        """Mesh, degree, nodes and steps as plain values."""
+        """Mesh, degree, nodes and steps as a dict of plain values."""
         angle_cells, velocity_cells = self.plane.cells
         plain = {"angle_cells": angle_cells, "velocity_cells": velocity_cells, "degree": self.plane.degree}
         return plain | {"nodes": list(self.nodes), "points": self.points, "steps": self.steps}
 
 
 def filtered_discretization(scene, plane, number):
-    """Return the `FilteredDiscretization`, mesh, nodes and steps, of a scene with filtered noise.
+    """Return the `FilteredDiscretization`, a named tuple with mesh, nodes and steps, of a scene with filtered noise.
 
-    `plane` is the `Discretization` of angle and velocity, `number` that of the resolution in `RESOLUTIONS`.
+    `plane` is the `Discretization` of angle and velocity, `number` that of the resolution in `RESOLUTIONS`, an int.
     """
     space = scene.noise.space
     states, fastest = space.order, float(np.abs(space.rates.imag).max())
@@ -259,12 +262,12 @@ def filtered_discretization(scene, plane, number):
 
 
 def may_rest(scene):
-    """Whether the force at a cycle's end, with four standard deviations of noise against it, may be below lift-off."""
+    """Whether the force at a cycle's end may be below lift-off, four standard deviations of noise against it."""
     return abs(scene.forcing.value(0.0)) < scene.block.lift_off + 4.0 * math.sqrt(scene.noise.variance)
 
 
 def node_spacing(scene, most):
-    """Return number and spacing of nodes of y1, the level of lift-off at a cycle's end half way between two of them.
+    """Return (count, spacing) of nodes of y1, the level of lift-off at a cycle's end half way between two of them.
 
     The spacing, in standard deviations, is at most `most`; the nodes reach five. Which nodes are beyond the level tells
     the part of the blocks that the noise lifts off: with Gauss-Hermite nodes that part was off by up to the half of a
@@ -278,7 +281,7 @@ def node_spacing(scene, most):
 
 
 def graded_time_grid(end, longest, shortest):
-    """Begins of steps and their end (n,), ascending in [0, end]; steps grow from the end backwards.
+    """Return begins of steps and their end (n,), ascending in [0, end]; steps grow from the end backwards.
 
     They are between a `longest` and a `shortest` one, all as parts of a cycle, and each is at most .3 of the time from
     its end to the end of the cycle.
@@ -290,9 +293,9 @@ def graded_time_grid(end, longest, shortest):
 
 
 def _fine_about_rest(plane, scene, last):
-    """`Discretization` like `plane`, with more lines about x = v = 0, where blocks come to rest.
+    """Return a `Discretization` like `plane`, with more lines about x = v = 0, where blocks come to rest.
 
-    They do so in the `last` step of a symmetry period, a part of a cycle.
+    They do so in the `last` step of a symmetry period, given as a part of a cycle.
     """
     part, square = TUNING.rest_cell_velocity, TUNING.rest_cell_angle
     velocity = part * 0.5 * (1.0 - scene.block.restitution) * last * scene.period
@@ -304,9 +307,9 @@ def _fine_about_rest(plane, scene, last):
 
 
 def _with_finer(lines, least, ratio):
-    """Lines and more of them about 0, ascending: down to `least`, by a `ratio` at most from one to the next.
+    """Return `lines` (n,) and more about 0, ascending, down to ±`least`; both symmetric about 0, nondimensional.
 
-    `lines` (n,) are symmetric about 0, nondimensional.
+    From one of the new lines to the next it is a factor of `ratio` at most.
     """
     first = lines[lines > 0.0][0]
     count = max(math.ceil(math.log(first / least) / math.log(ratio)), 0)
@@ -315,9 +318,10 @@ def _with_finer(lines, least, ratio):
 
 
 def joint_covariance(nodes, covariance, time):
-    """Covariance (2 + states, 2 + states) of angle, velocity and states at a `time` of a slender block's flight.
+    """Return the covariance (2 + n, 2 + n) of angle, velocity and n filter states in a slender block's flight.
 
-    `covariance` (2, 2) is that of angle and velocity at its begin; `nodes`: `Nodes`, or the `Whitened` filter.
+    It is that at a `time` since the flight's begin. `covariance` (2, 2) is that of angle and velocity at its begin;
+    `nodes`: `Nodes`, or the `Whitened` filter. All are nondimensional.
     """
     count = len(nodes.drift)
     joint = np.zeros((2 + count, 2 + count))
@@ -339,14 +343,17 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
         Without noise.
     nodes : Nodes
     mean, covariance : ndarray, shapes (2,), (2, 2)
-        Of angle and velocity at time 0.
+        Of angle and velocity at time 0, nondimensional.
     end : float
+        Last time, nondimensional.
     side : int
+        Side of the flight, ±1.
 
     Returns
     -------
     callable
-        Mean (2,) and covariance (2 + states, 2 + states) as a function of a time up to the end.
+        Mean (2,) of angle and velocity, and covariance (2 + states, 2 + states) of these and the whitened states, as a
+        function of a time up to the end.
     """
     from scipy.integrate import solve_ivp  # takes longer to import than all else here
 
@@ -355,7 +362,7 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
 
     def rates(time, state):
-        """Time derivative of mean and joint covariance, flattened like these in `state`, at a `time`."""
+        """Return the time derivative (n,) of `state` (n,), mean and joint covariance, flattened, at a `time`."""
         x, v, joint = state[0], state[1], state[2:].reshape(size, size)
         phi, force = alpha * (1.0 - side * x), forcing.value(time)
         sine, cosine = side * alpha * math.sin(phi), math.cos(phi)
@@ -372,9 +379,10 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
 
 
 def spread_left(noise, covariance, time):
-    """Part of the angle's standard deviation, at a time of a flight, that is left where the filter's states are known.
+    """Return the part, 0 to 1, of the angle's standard deviation that is left where the filter's states are known.
 
-    `noise`: filtered; `covariance` (2, 2) of angle and velocity at the begin, or None; `time`: since then.
+    It is that at a `time`, nondimensional, of a flight under filtered `noise`; `covariance` is that of angle and
+    velocity at its begin, nested tuples ((xx, xv), (xv, vv)), or None for a point.
     """
     joint = joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
     return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))

@@ -71,14 +71,14 @@ class FilteredStart:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the block starts at rest and the noise decides when it is lifted off."""
+        """Whether the block starts at rest and the noise decides when it is lifted off: a bool."""
         if self._mean.any() or self._covariance.any():
             return False
         room = TUNING.filtered_reach * math.sqrt(self.scene.noise.variance)
         return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
 
     def at(self, time: float) -> tuple[Array, Array]:
-        """Mean (2,) and covariance (2 + states, 2 + states) at a `time` since τ = 0.
+        """Return (mean, covariance), (2,) and (2 + states, 2 + states), at a `time` since τ = 0, nondimensional.
 
         The mean is of angle and velocity, the covariance of these and the whitened states.
         """
@@ -89,7 +89,7 @@ class FilteredStart:
         return mean, joint_covariance(self.nodes, self._covariance, time)
 
     def undisturbed(self, time: float) -> bool:
-        """Whether nothing can have happened by a `time`: the block is far from x = 0 and from the cut-off."""
+        """Whether nothing can have happened by a `time`, a bool: the block is far from x = 0 and from the cut-off."""
         mean, covariance = self.at(time)
         reach = TUNING.filtered_reach * math.sqrt(covariance[0, 0])
         return reach < self.side * mean[0] < self.dynamics.block.cutoff - reach
@@ -97,7 +97,7 @@ class FilteredStart:
     def takeover_step(self, space: Space, begins: Array) -> int:
         """Return the number of the step before which the mesh takes over: resolved, or the last without an event.
 
-        `begins` (n,) are the times at which steps begin, from 0 on.
+        `begins` (n,) are the times at which steps begin, from 0 on; the mesh is that of a `Space`.
         """
         last = 0
         for step, time in enumerate(begins[1:], 1):
@@ -109,17 +109,18 @@ class FilteredStart:
         return last
 
     def resolution(self, time: float, space: Space) -> float:
-        """Least standard deviation at a node of the noise, at a `time`, over the size of a cell of a mesh.
+        """Return the least standard deviation at a node of the noise, at a `time`, over the size of a mesh's cell.
 
-        The mesh is that of a `Space`; see `resolution_of`.
+        It is a float. The mesh is that of a `Space`; see `resolution_of`.
         """
         mean, covariance = self.at(time)
         return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)
 
     def project(self, time: float, space: Space) -> tuple[Array, Array]:
-        """Densities at a `time` on a mesh, a `Space`, and the outflow (3,).
+        """Return (densities, outflow) at a `time` on a mesh, a `Space`.
 
-        The densities are coefficients (nodes in y1, nodes in y2, *space.shape).
+        The densities are coefficients (nodes in y1, nodes in y2, *space.shape), the outflow (3,) is the mass past the
+        cut-off left and right and truncated.
         """
         mean, covariance = (
             self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
@@ -135,7 +136,7 @@ class FilteredStart:
 
 
 def _points(covariance):
-    """Points (n, 2) and weights (n,) that stand for a Gaussian about 0 of a covariance (2, 2).
+    """Return (points, weights), (n, 2) and (n,), that stand for a Gaussian about 0 of a covariance (2, 2).
 
     They are exact in its first moments. Along both axes they have a spacing of a tenth of a standard deviation, up to
     six.
@@ -154,7 +155,7 @@ def _points(covariance):
 def deposit_points(space: Space, states: Array, masses: Array, side: int, out: Array) -> Array:
     """Add point masses (n,) at states (n, 2), angle and velocity, to the coefficients `out` of a density.
 
-    `out` has the shape of the `Space`; a point on x = 0 is on the given side. Returns the outflow (3,): beyond the
+    `out` has the shape of the `Space`; a point on x = 0 is on the given side, ±1. Returns the outflow (3,): beyond the
     cut-off to the left and to the right, and beyond the velocity bound.
     """
     cells, references = [], []
@@ -203,15 +204,18 @@ class FilteredPropagator(CyclicPropagator):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> FilteredDiscretization:
-        """Mesh of the plane with the nodes and steps of the resolution of a number in `RESOLUTIONS`."""
+        """Return the `FilteredDiscretization`: the mesh of the plane, with nodes and steps of one resolution.
+
+        `number` is that of the resolution in `RESOLUTIONS`, an int; the scene has filtered noise.
+        """
         precompilation.start_helpers(precompilation.task_for_block("fpk_rocking.least_runs:rest", scene))
         return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):
-        """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then.
+        """Mark in `active`, for each step and node of the noise, the cells that a coarser propagator has active then.
 
         `coarse` is a `FilteredPropagator`; those of its noise nodes below and above count, in the steps about the begin
-        of the step.
+        of the step. Nothing is returned.
         """
         places = np.searchsorted(coarse.nodes.values, self.nodes.values)[: self.active.shape[1]]
         for k, begin in enumerate(self.step_begins[:-1]):
@@ -220,14 +224,11 @@ class FilteredPropagator(CyclicPropagator):
             self.active[k] = cells[np.clip(places - 1, 0, last)] | cells[np.clip(places, 0, last)]
 
     def _dynamics(self, constant):
-        """`Dynamics` of a block under the forcing plus a constant force, without noise.
-
-        `constant` is that force, nondimensional, in units of the forcing.
-        """
+        """Return the `Dynamics` of a block under the forcing plus a `constant` force, nondimensional, without noise."""
         return Dynamics(periodic(self.scene.forcing).with_constant(constant), 0.0, block_of_scene(self.scene))
 
     def _steps_at_nodes(self, k):
-        """Return the `Step` with number k of the symmetry period at each node of y1, a list.
+        """Return a list of the `Step` with number k of the symmetry period at each node of y1.
 
         They share tables.
         """
@@ -260,7 +261,7 @@ class FilteredPropagator(CyclicPropagator):
         return misplaced / (above - below)
 
     def _transition(self, time):
-        """Matrix (nodes, nodes) that takes the masses of the nodes over a time; kept for the next cycle.
+        """Return the matrix (nodes, nodes) that takes the masses of the nodes over a `time`; kept for the next cycle.
 
         The time is a duration, nondimensional.
         """
@@ -270,14 +271,18 @@ class FilteredPropagator(CyclicPropagator):
         return self._transitions[key]
 
     def _steps_about(self, time):
-        """Numbers of the last step that begins by a `time` in the symmetry period, and of the next one."""
+        """Return the numbers (k, k + 1) of the last step begun by a `time` in a symmetry period, and of the next."""
         before = int(np.searchsorted(self.step_begins, time, side="right")) - 1
         return before, before + 1
 
     def propagate(
         self, times: Array, progress: Callable[[], object] | None = None, start: Start | None = None
     ) -> Solution:
-        """Propagate once, as `Propagator.propagate`; the steps are dropped then, and `memory` tells what they took."""
+        """Return the `Solution`, as `Propagator.propagate`; the steps are dropped then, and `memory` set.
+
+        So it can be called once. `times` (rows,) are nondimensional, `progress` is called at each time but the first,
+        and `start` is in place of the scene's.
+        """
         solution = super().propagate(times, progress, start)
         densities = 3 * 8 * self.nodes.weights.size * self.space.unknowns
         shears = sum(part.nbytes for steps in self.steps for part in steps[0].angle_remap)
@@ -286,7 +291,7 @@ class FilteredPropagator(CyclicPropagator):
         return solution
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """State at the begin of the step before which the mesh takes the start over; at rest, the start.
+        """Return the `PeriodicState` before which step the mesh takes the start over; at rest, that at the start.
 
         `times` is not used.
         """
@@ -301,10 +306,11 @@ class FilteredPropagator(CyclicPropagator):
         return PeriodicState(first, begins[first], density, outflow, at_rest=np.zeros(shape), first=True)
 
     def _apply(self, k, state):
-        """Density, outflow (3,) and masses at rest of a `PeriodicState` after step k of the symmetry period.
+        """Return (density, outflow, masses at rest) of a `PeriodicState` after step k of the symmetry period.
 
         Mass is exchanged between nodes over half of the step before and half of step k, and then step k is taken.
-        Density (nodes in y1, nodes in y2, ``space.shape``) and masses (nodes in y1, nodes in y2) are new arrays.
+        Density (nodes in y1, nodes in y2, ``space.shape``) and masses (nodes in y1, nodes in y2) are new arrays; the
+        outflow (3,) is that of the step.
         """
         before = 0.0 if state.first else self.durations[k - 1]
         matrix = self._transition(0.5 * (self.durations[k] + before))
@@ -313,7 +319,7 @@ class FilteredPropagator(CyclicPropagator):
         return density, self._move(k, density, at_rest), at_rest
 
     def _move(self, k, density, at_rest):
-        """Move densities and masses at rest, in place, by step k; return the outflow (3,).
+        """Move densities and masses at rest, in place, by step k; return the outflow (3,), left, right, truncated.
 
         `density` (nodes in y1, nodes in y2, ``space.shape``) are coefficients, `at_rest` (nodes in y1, nodes in y2)
         masses.
@@ -333,7 +339,7 @@ class FilteredPropagator(CyclicPropagator):
         return outflow
 
     def _from_rest(self, characteristics):
-        """Angle, velocity and side (0: at rest) at the end of a step of a block that is at rest at its begin.
+        """Return (x, v, side), at the end of a step, of a block that is at rest at its begin; side ±1, or 0 at rest.
 
         The step is that of the `Characteristics`.
         """
@@ -359,7 +365,7 @@ class FilteredPropagator(CyclicPropagator):
                     step.activate(grown)
 
     def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Density, outflow and mass at rest of a `PeriodicState`, summed over all nodes.
+        """Return the `Snapshot`, density, outflow and mass at rest, of a `PeriodicState`, summed over all nodes.
 
         They are reflected back where it is the mirror image.
         """
@@ -371,7 +377,7 @@ class FilteredPropagator(CyclicPropagator):
 
 @kernel
 def advance_from_rest(segment, duration, block):
-    """Angle, velocity and side (0: at rest) after a step of a block that is at rest at its begin.
+    """Return (x, v, side) after a step of a block that is at rest at its begin; side ±1, or 0 at rest.
 
     The forcing is that of the `Segment` up to its time `duration`; `block` is a `KernelBlock`.
     """

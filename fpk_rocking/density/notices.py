@@ -24,7 +24,7 @@ from fpk_rocking.scene.scene import Scene
 
 
 def refuse_filtered(scene: Scene) -> None:
-    """Raise ValueError for a scene with filtered noise: the one-cycle operator has no states of a filter."""
+    """Raise ValueError for a scene with filtered noise, as the one-cycle operator has no states of a filter."""
     if scene.noise.kind == "filtered":
         takes = "solve_fpk() takes filters of up to 2 states"
         accepted = (
@@ -35,9 +35,10 @@ def refuse_filtered(scene: Scene) -> None:
 
 
 def refuse_unsolvable(scene: Scene) -> None:
-    """Raise ValueError for a scene that the density solver cannot take; its noise is white or filtered.
+    """Raise ValueError for a scene that the density solver cannot take, else return None.
 
-    It is out of range, without noise, of too many states of a filter, or with infinitely many impacts.
+    Its noise is white or filtered. It is out of range, without noise, of too many states of a filter, or with
+    infinitely many impacts.
     """
     limits.check(scene)
     noise = scene.noise
@@ -63,7 +64,10 @@ def refuse_unsolvable(scene: Scene) -> None:
 
 
 def refuse_slow(scene: Scene) -> None:
-    """Raise ValueError for filtered noise so slow that a start of small spread stays a curve at each of its states."""
+    """Raise ValueError for a scene with noise so slow that a start of small spread stays a curve; else return None.
+
+    The noise is filtered: the curve is the density at each of its states.
+    """
     noise = scene.noise
     if noise.kind != "filtered":
         return
@@ -84,7 +88,10 @@ def refuse_slow(scene: Scene) -> None:
 
 
 def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
-    """Raise ValueError for too many bytes: `needed` by a solution, `stored` of its density at all `rows` times."""
+    """Raise ValueError for too many bytes: `needed` by a solution, `stored` of its density at all `rows` times.
+
+    `scene` is solved, and `rows` a count; otherwise None is returned.
+    """
     largest = TUNING.largest_filtered if scene.noise.kind == "filtered" else TUNING.largest_white
     if needed > largest:
         raise ValueError(
@@ -97,7 +104,7 @@ def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
 
 
 def refuse_broken(result: Evolution) -> None:
-    """Raise FloatingPointError where an `Evolution` has something that is not a finite number."""
+    """Raise FloatingPointError where an `Evolution` has something that is not a finite number, else return None."""
     parts = (
         "survival",
         "overturned",
@@ -123,22 +130,22 @@ def warn_beyond(
     stacklevel: int,
     names: tuple[str, str] = ("tol", "bins_tol"),
 ) -> None:
-    """Warn where an estimated error, or that of the binned density, is larger than wanted.
+    """Warn where an estimated error, or that of the binned density, is larger than wanted; nothing is returned.
 
     Parameters
     ----------
     what : str
-        The quantity that the first error is of.
+        The quantity that the first error is of, for the text of the warning.
     refined : Refined
         Its estimates.
     wanted, bins_wanted : float
-        What they should be.
+        What they should be at most; the second is an L1 error.
     instead : str
-        What else to try.
+        What else to try, in the imperative, which ends the warning: "compare with Monte Carlo".
     stacklevel : int
         Calls from here to the user's, for the warning's line.
     names : tuple of str
-        Parameters that tell what is wanted.
+        Parameters that tell what is wanted: that of the first error and that of the second.
     """
     if refined.error > wanted or refined.bins_error > bins_wanted:
         missed = itertools.compress(names, (refined.error > wanted, refined.bins_error > bins_wanted))
@@ -153,9 +160,9 @@ def warn_beyond(
 
 
 def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
-    """Warn where the estimated error of the probability at rest is larger than `wanted`; with inf never.
+    """Warn where the estimated error of the probability at rest, of `result`, is larger than `wanted`; with inf never.
 
-    `stacklevel`: calls from here to the user's, for the warning's line.
+    `stacklevel`: calls from here to the user's, for the warning's line. Nothing is returned.
     """
     sentence = result.unresolved_beyond(wanted)
     if sentence:
@@ -170,12 +177,14 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
     scene : Scene
         With white noise.
     discretization : Discretization
+        Its mesh and steps.
     times : ndarray, shape (rows,)
-        That it is wanted for.
+        Nondimensional times that it is wanted for.
 
     Returns
     -------
     float
+        Seconds.
     """
     space = Space(discretization.angle_lines, discretization.velocity_lines, discretization.degree)
     dynamics, rule = Dynamics.of(scene), discretization.quadrature
@@ -195,7 +204,8 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
 def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:
     """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them.
 
-    `times` (rows,): those of the result; `tol`: wanted error of survival, which sets the number of sampled paths.
+    `times` (rows,): those of the result, nondimensional; `tol`: wanted error of survival, which sets the number of
+    sampled paths; `discretizations`: mesh and steps of each solution of `scene`. Nothing is returned.
     """
     if scene.noise.kind != "white":
         return
@@ -211,8 +221,8 @@ def announce(scene: Scene, discretizations: Sequence[Discretization], times: Arr
 def announce_finer(scene: Scene, before: Discretization, finer: Discretization, times: Array, taken: float) -> None:
     """Print to standard error the estimated time of a finer solution, if long, by that of the one before.
 
-    `before`, `finer`: their meshes and steps; `times` (rows,): those of the result; `taken`: seconds that the one
-    before took. Only white noise has an estimate: for other noise nothing is printed.
+    `before`, `finer`: their meshes and steps; `times` (rows,): those of the result, nondimensional; `taken`: seconds
+    that the one before took. Only white noise has an estimate: for other noise nothing is printed. Nothing is returned.
     """
     if scene.noise.kind != "white":
         return

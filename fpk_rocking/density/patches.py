@@ -29,11 +29,11 @@ class Gaussian:
 
     @classmethod
     def of(cls, start):
-        """Take the start of a scene, a `Start`; a point has covariance 0."""
+        """Return the Gaussian of the start of a scene, a `Start`; a point has covariance 0."""
         return cls((start.angle, start.velocity), np.zeros((2, 2)) if start.covariance is None else start.covariance)
 
     def __call__(self, angle, velocity):
-        """Density at points `angle`, `velocity` (broadcast)."""
+        """Return the density at points `angle`, `velocity`, nondimensional: an array of their broadcast shape."""
         xx, xv, vv = self.covariance[0, 0], self.covariance[0, 1], self.covariance[1, 1]
         determinant = xx * vv - xv * xv
         x, v = angle - self.mean[0], velocity - self.mean[1]
@@ -41,18 +41,22 @@ class Gaussian:
         return np.exp(-0.5 * exponent) / (2.0 * math.pi * math.sqrt(determinant))
 
     def tails(self, cutoff):
-        """Masses beyond the cut-off, an angle, to the left and to the right; a list of two."""
+        """Return the masses beyond the cut-off, an angle, to the left and to the right: a list of two probabilities."""
         spread = math.sqrt(2.0 * self.covariance[0, 0])
         return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
 
     def resolution(self, space):
-        """Least conditional standard deviation over the size of the cell of a mesh (`Space`) that the mean is in."""
+        """Return the least conditional standard deviation over the size of the cell that the mean is in, a float.
+
+        The mesh is `space`, a `Space`. The deviations are that of the angle at a known velocity, and the other way
+        round.
+        """
         return resolution_of(self.mean, self.covariance, space)
 
     def after_flight(self, dynamics: Dynamics, start, duration, side):
-        """Gaussian after a flight of a slender block, on one side, in which nothing happens.
+        """Return the `Gaussian` after a flight of a slender block, on `side`, ±1, in which nothing happens.
 
-        The flight is from time `start` on for a `duration`, under `Dynamics`, nondimensional.
+        The flight is from time `start` on for a `duration`, nondimensional, under the forcing and noise of `dynamics`.
         """
         flight = dynamics.affine(start, duration)
         xx, xv, vv = dynamics.covariance(start, duration)
@@ -61,9 +65,10 @@ class Gaussian:
 
 
 def resolution_of(mean, covariance, space):
-    """Least conditional standard deviation of a Gaussian over the size of the cell of a mesh that its mean is in.
+    """Return a Gaussian's least conditional standard deviation over the size of the mesh cell that its mean is in.
 
-    `mean` (2,) and `covariance` (2, 2) are those of angle and velocity; the mesh is a `Space`.
+    `mean` (2,) and `covariance` (2, 2) are those of angle and velocity; the mesh is `space`, a `Space`. It is 0 where a
+    variance is 0.
     """
     (xx, xv), (_, vv) = covariance
     if min(xx, vv) <= 0.0:
@@ -73,17 +78,18 @@ def resolution_of(mean, covariance, space):
 
 
 def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
-    """Return a function of time, 0 to `end`: the Gaussian of an exact block in a flight in which nothing happens.
+    """Return a function of time, 0 to `end`: the `Gaussian` of an exact block in a flight in which nothing happens.
 
-    `gaussian` is that at time 0. Its moments obey ordinary differential equations of first order in its spread, which
-    are integrated as far as asked, by two half steps and a whole one, with cubics between. To import an integrator
-    would take longer than all else here. `dynamics` are those of the scene, with its noise.
+    `gaussian` is that at time 0, `side` the side of the flight, ±1. Its moments obey ordinary differential equations of
+    first order in its spread, which are integrated as far as asked, by two half steps and a whole one, with cubics
+    between: to import an integrator would take longer. `dynamics` are those of the scene, with its noise. All are
+    nondimensional.
     """
     block, forcing, envelope = dynamics.block, dynamics.forcing, dynamics.envelope
     alpha, saddle, scale = block.critical_angle, block.saddles[side > 0], block.scales[side > 0]
 
     def rates(time, state):
-        """Time derivatives of the means x, v and the covariances xx, xv, vv, `state`, at a `time`."""
+        """Return time derivatives (5,) of `state` (5,): means x, v and covariances xx, xv, vv, at `time`."""
         x, v, xx, xv, vv = state.tolist()
         phi, force = alpha * (saddle - side * x), forcing.value(time)
         sine, cosine = scale * math.sin(phi), scale * math.cos(phi)
@@ -98,7 +104,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     slopes = [rates(0.0, states[0])]
 
     def at(time):
-        """`Gaussian` at a `time` up to the end, integrated up to there if it is not yet."""
+        """Return the `Gaussian` at a `time` up to the end, integrated up to there if it is not yet."""
         nonlocal step
         # Most starts meet the mesh long before the end, and a record makes many steps.
         while times[-1] < min(time, end):
@@ -124,7 +130,10 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
 
 
 def _runge_kutta(rates, time, state, slope, step):
-    """State after a `step` of the classical method of order 4; `slope` is that of the `state`, `rates(time, state)`."""
+    """Return the state (n,) after a `step` of the classical method of order 4 from `state` (n,) at `time`.
+
+    ``rates(time, state)`` returns time derivatives (n,); `slope` are those at the begin.
+    """
     first = rates(time + 0.5 * step, state + 0.5 * step * slope)
     second = rates(time + 0.5 * step, state + 0.5 * step * first)
     last = rates(time + step, state + step * second)
@@ -132,9 +141,11 @@ def _runge_kutta(rates, time, state, slope, step):
 
 
 def initial_density(start, space, cutoff):
-    """Coefficients (``space.shape``) of a Gaussian start on a mesh, and its masses past the cut-offs (2,).
+    """Return (coefficients, masses) of a Gaussian start on a mesh: its density, and what is past the cut-offs.
 
-    Both are zero for a point. `start`: that of a scene; `cutoff`: angle of overturning.
+    The coefficients have the shape ``space.shape``, (angle cells, velocity cells, degree + 1, degree + 1); the masses
+    are a list, left and right. All are zero for a point. `start`: the `Start` of a scene; `space`: the mesh; `cutoff`:
+    angle of overturning.
     """
     if start.covariance is None:
         return np.zeros(space.shape), [0.0, 0.0]
@@ -143,17 +154,17 @@ def initial_density(start, space, cutoff):
 
 
 def cell_size(lines, point):
-    """Size of the cell between ascending lines (n,) that a point, a number, is in."""
+    """Return the size, a float, of the cell between ascending `lines` (n,) that `point`, a number, is in."""
     cell = find_cells(lines, point, "left")
     return lines[cell + 1] - lines[cell]
 
 
 def patch_of(settings, mean, covariance, cutoff, box=None):
-    """`Space` on which a density of mean (2,) and covariance (2, 2) is resolved, `reach` deviations to all sides.
+    """Return a `Space` that resolves a density of mean (2,) and covariance (2, 2), `reach` deviations to all sides.
 
-    `settings`: `PatchSettings`; `cutoff`: angle of overturning, where the patch ends. `box` (angle from, to, velocity
-    from, to) holds what the moments do not tell of: tails, and what an impact has split off. The patch covers it with
-    cells of the same size, up to 60 of them an axis.
+    `settings`: `PatchSettings`, with that reach; `cutoff`: angle of overturning, where the patch ends. `box` (angle
+    from, to, velocity from, to) holds what the moments do not tell of: tails, and what an impact has split off. The
+    patch covers it with cells of the same size, up to 60 of them an axis. All are nondimensional.
     """
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
@@ -171,7 +182,7 @@ def patch_of(settings, mean, covariance, cutoff, box=None):
 
 
 def _within(lines, cutoff):
-    """Mesh lines (n,) of equal cells, cut at ± the cut-off, an angle.
+    """Return mesh lines (m,) of equal cells, cut at ± the cut-off, an angle, from `lines` (n,).
 
     A remainder below a tenth of a cell joins its neighbour.
     """
@@ -181,10 +192,10 @@ def _within(lines, cutoff):
 
 
 def next_patch(settings, step: Characteristics, coefficients, cutoff):
-    """Patch, a `Space`, for the density after a step, by the moments of the mass that has not overturned.
+    """Return a `Space`, a patch for the density after a step, by the moments of the mass that has not overturned.
 
-    `settings`: `PatchSettings`; `cutoff`: angle of overturning. `coefficients` are those of the density before the
-    step, on the patch of its `Characteristics`.
+    `settings`: `PatchSettings`; `cutoff`: angle of overturning; `step`: the paths. `coefficients` (``space.shape`` of
+    the patch on which these begin) are those of the density before it. Where next to no mass is left it is that patch.
     """
     source = step.source
     # Cells that are not active have no characteristics.
@@ -208,9 +219,10 @@ def next_patch(settings, step: Characteristics, coefficients, cutoff):
 def moment_sums(values, points, flown, events, states, codes, least):
     """Return sums of mass times 1, x, v, x^2, xv, v^2 over the ends of paths that did not overturn, and their box.
 
-    `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), `flown` the `AffinePaths` of cells
-    without events; `points`, `events`, `states`, `codes` are `points`, `numbers`, `ends`, `flags` of `Characteristics`.
-    The box (angle from, to, velocity from, to) leaves out nodes with a mass below `least`.
+    It is a tuple of six floats and the box, (angle from, to, velocity from, to), which leaves out nodes with a mass
+    below `least`. `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), `flown` the
+    `AffinePaths` of cells without events; `points` are `GaussPoints`. Of `Characteristics`: `events` are its `numbers`
+    (angle cells, velocity cells), `states` its `ends` (m, g, h, n, 2), `codes` its `flags` (m, g, h, n).
     """
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     points = borrowed(points)

@@ -125,7 +125,7 @@ class Propagator(abc.ABC):
     @property
     @abc.abstractmethod
     def memory(self) -> float:
-        """Bytes that steps and states take, without the densities of all rows."""
+        """Bytes that steps and states take, a number, without the densities of all rows."""
 
     def __init__(self, scene: Scene, discretization: Any, plane: Discretization, negligible: float) -> None:
         self.scene, self.discretization, self.negligible = scene, discretization, negligible
@@ -134,31 +134,35 @@ class Propagator(abc.ABC):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
-        """Discretization for the constructor, from the mesh and steps of the plane at one resolution.
+        """Return the discretization for the constructor, from `plane`, mesh and steps of the plane at one resolution.
 
-        `number` is that of the resolution in `RESOLUTIONS`.
+        `number` is that of the resolution in `RESOLUTIONS`, an int; here it is `plane` itself.
         """
         return plane
 
     @abc.abstractmethod
     def initial_state(self, start: Start, times: Array) -> Any:
-        """First state from the start on whose density the mesh resolves; its class is the subclass's.
+        """Return the first state from the start on whose density the mesh resolves; its class is the subclass's.
 
-        `times` (rows,) are those of the results, nondimensional.
+        `times` (rows,) are those of the results, nondimensional; `start` is a `Start`.
         """
 
     @abc.abstractmethod
     def advance(self, state: Any, latest: float) -> Any:
-        """State after one step or more, not later than `latest`, a time at which a step ends."""
+        """Return the state after one step or more, not later than `latest`, a time at which a step ends.
+
+        Its class is that of `state`, the subclass's.
+        """
 
     @abc.abstractmethod
     def snapshot(self, state: Any) -> Snapshot:
-        """`Snapshot` of a state: coefficients of its density, its outflow and its mass at rest."""
+        """Return the `Snapshot` of a state: coefficients of its density, its outflow and its mass at rest."""
 
     def states(self, times: Array, start: Start) -> Iterator[Any]:
         """Yield the first state that the mesh resolves and the state after every step, to the last of the times.
 
-        `times` (rows,) are those of the results, from 0 on; `start` is where the block begins, of a scene.
+        `times` (rows,) are those of the results, nondimensional, from 0 on; `start`, a `Start`, is where the block
+        begins. The class of states is the subclass's.
         """
         state = self.initial_state(start, times)
         yield state
@@ -184,6 +188,7 @@ class Propagator(abc.ABC):
         Returns
         -------
         Solution
+            Named tuple of survival, outflow, coefficients and masses at rest by row.
         """
         rows, row, start = len(times), 1, start or self.scene.start
         coefficients, outflow = np.zeros((rows, *self.space.shape)), np.zeros((rows, 3))
@@ -202,7 +207,7 @@ class Propagator(abc.ABC):
 
 
 def _reached(state, time):
-    """Whether a state is at a `time` or after it, to rounding; its class is that of a propagator."""
+    """Whether a `state`, of a class of a propagator, is at a `time` or after it, to rounding: a bool."""
     return state.time >= time * (1.0 - 1e-12)
 
 
@@ -236,7 +241,7 @@ class PeriodicState(NamedTuple):
     first: bool = False
 
     def mirror_image(self) -> "PeriodicState":
-        """State reflected about the origin, or back."""
+        """Return the state reflected about the origin, (x, v) -> (-x, -v), or back."""
         density, at_rest = reflected(self.density), self.at_rest
         if at_rest is not None:
             density, at_rest = density[::-1, ::-1], at_rest[::-1, ::-1]
@@ -270,7 +275,7 @@ class CyclicPropagator(Propagator):
             self.active[:] = [coarse.active_about(begin, self.space) for begin in step_begins[:-1]]
 
     def active_about(self, time: float, space: Space) -> Array:
-        """Cells of another `Space` that meet an active cell of the steps about a `time`: a mask.
+        """Return a mask of the cells of another `Space` that meet an active cell of the steps about a `time`.
 
         The time is within the symmetry period; the mask is (..., angle cells, velocity cells) like those in `active`.
         """
@@ -279,17 +284,21 @@ class CyclicPropagator(Propagator):
 
     @abc.abstractmethod
     def _steps_about(self, time):
-        """Numbers of the last step that begins by a `time`, and of one that begins after it or then.
+        """Return two numbers: that of the last step that begins by a `time`, and of one that begins after it or then.
 
         The time is within the symmetry period.
         """
 
     @abc.abstractmethod
     def _apply(self, k, state):
-        """Density, outflow (3,) and masses at rest of a `PeriodicState` after step k of the symmetry period."""
+        """Return (density, outflow, at rest) of a `PeriodicState` after step k of the symmetry period.
+
+        They are coefficients (..., *space.shape), masses (3,) and masses at rest at the nodes of filtered noise, else
+        None.
+        """
 
     def advance(self, state: PeriodicState, latest: float) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """`PeriodicState` after the next step; `latest` is not used.
+        """Return the `PeriodicState` after the next step; `latest` is not used.
 
         It is reflected where that step is the mirror image of one of the symmetry period.
         """
@@ -301,7 +310,7 @@ class CyclicPropagator(Propagator):
         return PeriodicState(state.step + 1, self.time_of(state.step + 1), density, outflow, state.reflected, at_rest)
 
     def time_of(self, step: int) -> float:
-        """Time τ at which a step begins, by its number from τ = 0 on."""
+        """Return the nondimensional time τ at which a step begins, by its number from τ = 0 on."""
         period, k = divmod(step, len(self.active))
         return period * not_none(self.scene.period) / self.periods_per_cycle + self.step_begins[k]
 
@@ -320,23 +329,23 @@ class PeriodicPropagator(CyclicPropagator):
         self._startups = coarse._startups if same else {}
 
     def _step(self, begin):
-        """`Step` from a time `begin` on, without active cells."""
+        """Return a `Step` from a time `begin` on, without active cells."""
         rule = self.discretization.quadrature
         characteristics = Characteristics(self.space, begin, self.duration, self.dynamics, rule, cells=False)
         return Step(characteristics, self.space, self.buffers)
 
     @property
     def memory(self) -> float:
-        """Bytes that the steps take."""
+        """Bytes that the steps take, an int."""
         return self.buffers.nbytes + sum(step.nbytes for step in self.steps)
 
     def _steps_about(self, time):
-        """Numbers of the last step that begins by a `time`, and of one that begins after it or then."""
+        """Return two numbers: of the last step that begins by a `time`, and of one that begins after it or then."""
         place = time / self.duration
         return math.floor(place + 1e-9), math.ceil(place - 1e-9)
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """State at the end of the step at which the mesh takes the start over; `times` is not used."""
+        """Return the `PeriodicState` at the end of the step at which the mesh takes the start over, for any `times`."""
         if start not in self._startups:
             patches = self.discretization.patches
             self._startups[start] = StartUp(self.dynamics, start, patches, self.scene.period)
@@ -346,7 +355,7 @@ class PeriodicPropagator(CyclicPropagator):
         return PeriodicState(first, self.time_of(first), *startup.project(time, self.space))
 
     def _apply(self, k, state):
-        """Density and outflow (3,) of a `PeriodicState` after step k of the symmetry period, and None.
+        """Return (density, outflow, None) of a `PeriodicState` after step k: shapes ``space.shape`` and (3,).
 
         All cells of the step that are not negligible are made active.
         """
@@ -358,5 +367,5 @@ class PeriodicPropagator(CyclicPropagator):
         return *step.apply(state.density), None
 
     def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Density and outflow of a `PeriodicState`, reflected back where it is the mirror image."""
+        """Return the `Snapshot`, density and outflow, of a `PeriodicState`, reflected back if it is a mirror image."""
         return Snapshot(reflected(state.density) if state.reflected else state.density, state.outflow)

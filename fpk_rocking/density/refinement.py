@@ -30,7 +30,7 @@ class Level:
         The wanted quantity, whose largest difference counts: survival, left and right at all times, or the logarithm of
         a rate.
     bins : ndarray, shape (rows, bins)
-        Binned densities, whose L1 difference counts.
+        Probabilities in the bins of each density, whose L1 difference counts.
     resolved : ndarray of bool, shape (rows,)
         Rows of the bins that are compared.
     error : callable
@@ -41,7 +41,7 @@ class Level:
     memory : float
         Bytes that it took.
     seconds : float
-        That it took.
+        Seconds that it took.
     """
 
     solution: Any
@@ -54,7 +54,7 @@ class Level:
     seconds: float = 0.0
 
     def differences(self, coarser: "Level") -> tuple[float, float]:
-        """Largest differences from a `coarser` level, of the quantity and of the binned density (L1).
+        """Return the largest differences from a `coarser` level, (quantity's, binned density's in L1), floats.
 
         They are inf where undefined.
         """
@@ -84,16 +84,16 @@ class Refined(NamedTuple):
 
     @property
     def fine(self) -> Level:
-        """The last level."""
+        """The last `Level`, of the finest resolution."""
         return self.levels[-1]
 
     @property
     def coarse(self) -> Level:
-        """The last level but one."""
+        """The `Level` before the last."""
         return self.levels[-2]
 
     def within(self, wanted: float, bins_wanted: float) -> bool:
-        """Whether both errors are as small as wanted, and the density is resolved.
+        """Whether both errors are as small as wanted, and the density is resolved: a bool.
 
         `wanted` is that of the quantity, `bins_wanted` that of the binned density (L1).
         """
@@ -128,6 +128,7 @@ def refine(
     Returns
     -------
     Refined
+        Named tuple of all levels and the errors of the last.
     """
     levels: list[Level] = []
     for number, resolution in enumerate(resolutions, 1):
@@ -145,7 +146,7 @@ def refine(
 
 
 def estimate_errors(levels: list[Level], finer: int) -> Refined:
-    """Estimate the errors of the last of some levels, from its differences from the others: a `Refined`.
+    """Return the `Refined` of some levels: the errors of the last, estimated from its differences from the others.
 
     `levels` are from coarse to fine; `finer` is the number of resolutions that are left. Two levels may agree by
     chance: their difference counts twice. Errors of bins are sums over many and seldom small by chance, so the
@@ -160,11 +161,12 @@ def estimate_errors(levels: list[Level], finer: int) -> Refined:
 
 
 def safe_difference(distances: tuple[float, ...]) -> float:
-    """Estimated error of the last of three or more ever finer solutions, from its distances (n,) to the others.
+    """Return the estimated error, a float, of the last of finer and finer solutions, from its `distances` (n,).
 
-    The last distance is the error of the solution before, if the last solution is far better. It can be accidentally
-    small; .3 of the previous distance is therefore a floor. The result is 1.4 times the larger, for safety. Earlier
-    distances do not enter.
+    These are its distances to the other solutions, in their order. The solutions are three or more. The last distance
+    is the error of the solution before, if the last solution is far better. It can be accidentally small; .3 of the
+    previous distance is therefore a floor. The result is 1.4 times the larger, for safety. Earlier distances do not
+    enter.
     """
     before, last = distances[-2:]
     return TUNING.safety * max(last, TUNING.difference_before * before)
@@ -176,21 +178,21 @@ class ProgressCount:
     Parameters
     ----------
     report : callable or None
-        Called as ``report(done, total)`` after each row.
+        Called as ``report(done, total)`` after each row, with numbers of rows.
     rows : int
-        Of one solution.
+        Rows, the times but the first, of one solution.
     """
 
     def __init__(self, report: Progress | None, rows: int) -> None:
         self.report, self.rows, self.done, self.total = checks.report(report), rows, 0, SOLUTIONS * rows
 
     def start_solution(self) -> Callable[[], None]:
-        """Count another solution in, and return a function to call after each of its rows."""
+        """Count another solution in, and return a function without arguments to call after each of its rows."""
         self.total = max(self.done + self.rows, self.total)
         return self._count
 
     def _count(self) -> None:
-        """Report one more row."""
+        """Report one more row to `report`; return None."""
         self.done += 1
         if self.report:
             self.report(self.done, self.total)

@@ -26,7 +26,7 @@ from fpk_rocking.results.grids import centred_edges
 
 
 def in_rest(angles, velocities):
-    """Mark the pairs (n, m) of angles (n,) and velocities (m,), nondimensional, that count as rest: a mask."""
+    """Return a mask (n, m) of the pairs of angles (n,) and velocities (m,), nondimensional, that count as rest."""
     return np.outer(np.abs(angles) < TUNING.rest_angle, np.abs(velocities) < TUNING.rest_velocity)
 
 
@@ -51,7 +51,10 @@ class StateRange(NamedTuple):
 
     @property
     def edges(self):
-        """Edges in angle and in velocity of the bins in which two solutions are compared: 20 of them span a range."""
+        """Ascending edges in angle and in velocity, a list of two arrays, of the bins that compare solutions.
+
+        20 of the bins span the range of `angles`, or of `velocities`.
+        """
         return [centred_edges(*ends, 20) for ends in (self.angles, self.velocities)]
 
 
@@ -63,11 +66,12 @@ def explore(white, times):
     white : Scene
         With white noise.
     times : ndarray, shape (rows,)
-        That the density is wanted for, from 0 on; of a scene that repeats they are whole cycles.
+        Nondimensional times that the density is wanted for, from 0 on; of a scene that repeats they are whole cycles.
 
     Returns
     -------
     StateRange
+        Named tuple of the ranges of angle and velocity.
     """
     dynamics, random = Dynamics.of(white), np.random.default_rng(0)
     spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
@@ -94,11 +98,12 @@ def explore(white, times):
 
 
 def _exploratory_steps(white, dynamics, times):
-    """Yield segment, duration, diffusion and axes (2, 2) of the noise of each step of the exploratory paths.
+    """Yield (segment, duration, diffusion, axes) of each step of the exploratory paths: forcing, length and noise.
 
-    Rows of the axes are the long and the short principal axis (angle, velocity) of what noise adds in the step, one
-    standard deviation long. `white`: scene with white noise, whose `Dynamics` are given; `times` (rows,): those of the
-    result, which end the steps; of a scene that repeats their number says for how many cycles.
+    They are a `Segment`, two floats and an array (2, 2), whose rows are the long and the short principal axis (angle,
+    velocity) of what noise adds in the step, one standard deviation long. `white`: scene with white noise, whose
+    `Dynamics` are given; `times` (rows,): those of the result, which end the steps; of a scene that repeats their
+    number says for how many cycles.
     """
     longest = min(TUNING.exploratory_step, white.forcing.shortest_period / 6.0)
     if white.repeats:
@@ -112,9 +117,10 @@ def _exploratory_steps(white, dynamics, times):
 
 
 def _exploratory_step(dynamics, start, duration):
-    """`Segment`, duration, diffusion and axes (2, 2) of the noise of the step from `start` of a `duration`.
+    """Return (segment, duration, diffusion, axes) of the step from `start`: a `Segment`, two floats, an array (2, 2).
 
-    The axes are the principal ones of what the noise adds to angle and velocity.
+    The rows of the axes are the principal ones, long and short, of what the noise adds to angle and velocity, one
+    standard deviation long. `dynamics` are those of the scene; times are nondimensional.
     """
     diffusion = dynamics.averaged_over(start, duration).diffusion
     axes = np.reshape(principal_axes(*flight_covariance(diffusion, duration)), (2, 2))
@@ -122,7 +128,7 @@ def _exploratory_step(dynamics, start, duration):
 
 
 def _normal_pairs(random):
-    """Draw normal numbers (paths, 2) from `random`, a NumPy generator, in pairs of either sign.
+    """Return normal numbers (paths, 2), drawn from `random`, a NumPy generator, in pairs of either sign.
 
     So the mirror image of a scene has mirrored paths.
     """
@@ -134,8 +140,9 @@ def _normal_pairs(random):
 def follow(states, sides, segment, block, noise):
     """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
 
-    `states` (paths, 2): angle and velocity; `sides` (paths,): ±1, or an `Exit` (-2, -3) for a path that has overturned
-    and stays where it is; `noise`: a `Noise` with one node for each path. `segment` is the forcing over the step.
+    `states` (paths, 2), written to: angle and velocity, nondimensional; `sides` (paths,), written to: ±1, or an `Exit`
+    (-2, -3) for a path that has overturned and stays where it is; `noise`: a `Noise` with one node for each path.
+    `segment`, a `Segment`, is the forcing over the step, `block` a `KernelBlock`.
     """
     states, segment, noise = borrowed((states, segment, noise))
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
@@ -200,16 +207,16 @@ class Discretization:
 
     @property
     def cells(self):
-        """Numbers of cells of the mesh, in angle and velocity."""
+        """Numbers of cells of the mesh, (angle, velocity)."""
         return len(self.angle_lines) - 1, len(self.velocity_lines) - 1
 
     def stored(self, rows):
-        """Bytes of the densities at a number of `rows`, the times of a result."""
+        """Return the bytes, an int, of the densities at a number of `rows`, the times of a result."""
         return 8 * (rows + 1) * math.prod(self.cells) * (self.degree + 1) ** 2
 
     @property
     def memory(self):
-        """Bytes that a solution takes, about, densities of all times left out."""
+        """Bytes that a solution takes, about, a float, densities of all times left out."""
         points = self.quadrature.angle * self.quadrature.velocity * self.quadrature.long * self.quadrature.short
         return TUNING.bytes_per_unknown * math.prod(self.cells) * ((self.degree + 1) ** 2 * 20 + points * self.steps)
 
@@ -253,17 +260,18 @@ class Resolution:
         scene : Scene
             With white noise.
         bound : float
-            Velocity bound of the mesh.
+            Velocity bound of the mesh, nondimensional.
         motion : StateRange
             Where the mesh has to be fine.
         beyond : float
             Velocity to which cells that grow continue the mesh, where it is above the bound.
         growth : float
-            Of the cells from the motion to the bounds.
+            Ratio of the sizes of neighbouring cells from the motion to the bounds.
 
         Returns
         -------
         Discretization
+            Mesh lines, degree, quadrature, steps and patches for the scene.
         """
         cutoff, far = scene.overturning.angle, max(motion.angle, TUNING.rest_angle)
         fast = min(max(motion.velocity, TUNING.rest_velocity), bound)
@@ -292,7 +300,7 @@ class Resolution:
         )
 
     def _steps(self, scene, fast):
-        """Return the steps a cycle, even, for a scene whose blocks usually move up to a velocity `fast`."""
+        """Return the steps a cycle, an even int, for a scene whose blocks usually move up to a velocity `fast`."""
         # A slow motion meets impacts more often.
         moving = TUNING.moving_step * math.sqrt(min(fast, 1.0))
         rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
@@ -304,17 +312,17 @@ class Resolution:
 
 
 def cycle_of(scene):
-    """Time in which steps are counted: a cycle, or that of the main scene where the forcing does not repeat."""
+    """Return the nondimensional time in which steps are counted: a scene's cycle, or the main scene's if none."""
     return scene.period or TUNING.main_period
 
 
 def periods_per_cycle(scene):
-    """Symmetry periods in a cycle of a scene that repeats: 2 where its second half is the mirror image of the first."""
+    """Return 2 where the second half of a scene's cycle is the mirror image of the first, else 1: symmetry periods."""
     return 2 if scene.forcing.half_antisymmetric and scene.block.symmetric else 1
 
 
 def _even(number):
-    """Even whole number, at least 4, that is not below a `number`."""
+    """Return the least even int, at least 4, that is not below a `number`."""
     return 2 * max(2, math.ceil(0.5 * number - 1e-9))
 
 
@@ -341,10 +349,10 @@ INTERMEDIATE = Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(2
 
 
 def resolutions_for(tol, before, filtered=False):
-    """List of `Resolution` for a tolerance of survival, from coarse to fine.
+    """Return a list of `Resolution` for a tolerance of survival, from coarse to fine.
 
-    They are `before` ones, or as many as there are, the one that usually suffices for `tol`, and all finer. Under
-    `filtered` noise they have the numbers that they have in `RESOLUTIONS`.
+    They are `before` ones (an int), or as many as there are, the one that usually suffices for `tol`, and all finer.
+    Under `filtered` noise they have the numbers that they have in `RESOLUTIONS`.
     """
     usual, chosen = USUAL[max(tolerance for tolerance in USUAL if tolerance <= tol)], list(RESOLUTIONS)
     if before and usual == 4:
@@ -355,5 +363,5 @@ def resolutions_for(tol, before, filtered=False):
 
 
 def bins_tolerance(tol: float) -> float:
-    """Error (L1) in the binned density that goes with an error `tol` in survival."""
+    """Return the error (L1) in the binned density that goes with an error `tol` in survival: √tol / 3."""
     return math.sqrt(tol) / 3.0

@@ -75,6 +75,7 @@ def solve_fpk(
     Returns
     -------
     Evolution
+        Survival, overturning to either side, densities and estimated errors at all times.
 
     Warns
     -----
@@ -116,7 +117,7 @@ def solve_fpk(
     announce(solved, meshes[:SOLUTIONS], times, tol)
 
     def solve(mesh, coarser):
-        """Solve on one mesh, a discretization, after the coarser `Level`, if any; return its `Level`."""
+        """Return the `Level` of a solution on `mesh`, a discretization, after the `coarser` one, a `Level` or None."""
         return _solve_level(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
 
     def fits(level, mesh):
@@ -129,7 +130,7 @@ def solve_fpk(
         return True
 
     def is_done(refined):
-        """Whether a `Refined` is within the tolerances, or finer solutions will not be."""
+        """Whether a `Refined` is within the tolerances, or finer solutions will not be: a bool."""
         return refined.within(tol, bins_tol) or _is_stagnated(refined)
 
     refined = refine(meshes, solve, fits, is_done, coarser)
@@ -185,7 +186,7 @@ def predicted_seconds(
     Returns
     -------
     list of float
-        From coarse to fine, of those that are always solved. What a finer one takes is not among them.
+        Seconds, from coarse to fine, of those that are always solved. What a finer one takes is not among them.
 
     Raises
     ------
@@ -199,10 +200,10 @@ def predicted_seconds(
 
 
 def _tolerances(scene, tol, bins_tol):
-    """Tolerances of survival and of the bins (L1), and that by which the bins are judged.
+    """Return (tol, bins_tol, judged_by): errors of survival and of bins (L1) to refine for, and of bins to judge by.
 
     `tol` and `bins_tol` are the user's, None for the default. By default what does not repeat is refined for survival
-    alone, and judged by the bins all the same.
+    alone (bins_tol is inf), and judged by the bins all the same.
     """
     tol = checks.number("tol", (1e-3 if scene.repeats else 1e-2) if tol is None else tol, at_least=min(USUAL))
     if bins_tol is None:
@@ -213,7 +214,7 @@ def _tolerances(scene, tol, bins_tol):
 
 
 def _with_noise_replaced(scene, noise_replacement):
-    """Scene to solve, whose noise is white or filtered: band noise is replaced, what cannot be solved refused.
+    """Return the scene to solve, with white or filtered noise: band noise is replaced, other scenes refused.
 
     `noise_replacement`: "white" or "filtered". Raises TypeError or ValueError.
     """
@@ -233,16 +234,17 @@ def _with_noise_replaced(scene, noise_replacement):
 
 
 def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagator | FilteredPropagator]:
-    """Kind of propagator, a subclass of `Propagator`, for a scene whose noise is white or filtered."""
+    """Return the class of propagator, a subclass of `Propagator`, for a scene whose noise is white or filtered."""
     if scene.noise.kind == "filtered":
         return FilteredPropagator
     return PeriodicPropagator if scene.repeats else TransientPropagator
 
 
 def _discretizations(scene, white, motion, resolutions):
-    """Mesh and steps for each of some resolutions (a list of `Resolution`), as a list.
+    """Return mesh and steps for each of some `resolutions`, a list of `Resolution`: a list of as many.
 
-    `white` is the scene with equivalent white noise, `motion` the `StateRange` of its blocks.
+    They are a `Discretization` each, under filtered noise a `FilteredDiscretization`. `white` is the scene with
+    equivalent white noise, `motion` the `StateRange` of its blocks.
     """
     diffusion = white.noise.diffusion
     if scene.noise.kind == "filtered":
@@ -266,11 +268,13 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
     tol : float
         Wanted error of survival.
     times : ndarray, shape (rows,)
+        Of the result, nondimensional.
     edges : sequence of ndarray
         Of the bins in angle and in velocity in which levels are compared.
     coarser : Level or None
         The level before.
     progress : callable
+        Called without argument after each time but the first.
 
     Returns
     -------
@@ -290,8 +294,8 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
 def _level_of(propagator, solution, edges, seconds=0.0):
     """Return the `Level` of a `Solution`: survival and both sides, and binned densities in which rest is one bin.
 
-    `edges` are a pair of arrays, of the bins in angle and velocity; `seconds` is what the solution took. `propagator`
-    is the `Propagator` that the solution is from.
+    Its solution is the pair (propagator, solution). `edges` are a pair of arrays, of the bins in angle and velocity;
+    `seconds` is what the solution took. `propagator` is the `Propagator` that the solution is from.
     """
     space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
     bins = space.bin_integrals(densities, *edges)
@@ -309,7 +313,7 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     negative_probability = -float(probabilities.min())
 
     def error(difference, bins_difference):
-        """Error of survival from its estimate `difference` and that of the bins (L1).
+        """Return the error of survival, a float, from its estimate `difference` and that of the bins (L1).
 
         It is larger for rest, and at least what is truncated, and what a probability is below 0.
         """
@@ -329,12 +333,12 @@ def _level_of(propagator, solution, edges, seconds=0.0):
 
 
 def _rest_error(levels):
-    """Estimated error of the probability of being at rest, from levels (coarse to fine); 0 where nothing can rest.
+    """Return the estimated error of the probability of being at rest, a float; 0.0 where nothing can rest.
 
-    `levels` are three or more `Level`. The error is that of the time steps plus `node_error`, what nodes of the noise
-    leave unseen. The error of the time steps falls by 1.4 from one resolution to the next: where noise is smooth it is
-    of first order in the step, and each resolution has 1.4 times the steps of the one before; else it is of order 1/2,
-    and the last steps of a level are half as long as before.
+    `levels` are three or more `Level`, from coarse to fine. The error is that of the time steps plus `node_error`, what
+    nodes of the noise leave unseen. The error of the time steps falls by 1.4 from one resolution to the next: where
+    noise is smooth it is of first order in the step, and each resolution has 1.4 times the steps of the one before;
+    else it is of order 1/2, and the last steps of a level are half as long as before.
     """
     propagator, solution = levels[-1].solution
     if solution.at_rest is None:
@@ -346,7 +350,7 @@ def _rest_error(levels):
 
 
 def _is_stagnated(refined):
-    """Whether the density of a `Refined` will not be resolved by the finer solutions that are left.
+    """Whether the density of a `Refined` will not be resolved by the finer solutions that are left: a bool.
 
     They are taken to gain twice as many digits of negative mass as the last. The first three solutions, of which each
     has hardly more cells than the one before, do not decide it.
@@ -360,7 +364,7 @@ def _is_stagnated(refined):
 
 
 def _refuse_unresolved(result):
-    """Raise ValueError where the negative mass of the blocks that move is too large in an `Evolution`."""
+    """Raise ValueError where the negative mass of the moving blocks of an `Evolution` is too large."""
     negative, limit = result.moving_negative_mass, TUNING.unresolved_negative_mass
     if negative > limit:
         raise ValueError(

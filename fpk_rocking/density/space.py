@@ -44,16 +44,16 @@ def extended_lines(lines, half_width, growth=TUNING.cell_growth):
     Parameters
     ----------
     lines : ndarray
-        Symmetric about 0.
+        Ascending, symmetric about 0.
     half_width : float
         At least this far; nondimensional.
     growth : float
-        Above 1.
+        Ratio of the sizes of neighbouring cells, above 1.
 
     Returns
     -------
     ndarray
-        The lines as they are where they go as far.
+        Ascending, from -half_width to half_width; `lines` itself where they go as far.
     """
     gap, size = half_width - lines[-1], lines[-1] - lines[-2]
     if gap <= 0.0:
@@ -66,9 +66,9 @@ def extended_lines(lines, half_width, growth=TUNING.cell_growth):
 
 
 def patch_lines(low, high, cells):
-    """About `cells` equal cells that cover [low, high], with 0 a mesh line where it lies inside or nearly so.
+    """Return mesh lines (n + 1,) of about `cells` equal cells that cover [low, high], nondimensional.
 
-    Their mesh lines (cells + 1,) are returned, nondimensional angles or velocities.
+    0 is a mesh line where it lies inside or nearly so.
     """
     size = (high - low) / cells
     if low > size or high < -size:
@@ -78,14 +78,20 @@ def patch_lines(low, high, cells):
 
 
 def exact_correction(scene):
-    """Bound of what the acceleration of a scene's block has beyond x - s m + f, with the saddle m; 0 if slender."""
+    """Return a bound, a float, of what the acceleration of a scene's block has beyond x - s m + f; 0 if slender.
+
+    m is the saddle, the |x| of unstable balance; the bound is nondimensional.
+    """
     block = block_of_scene(scene)
     sides = zip(block.saddles, block.scales, strict=True)
     return max(largest_correction(scene.forcing.largest, block.critical_angle, *side) for side in sides)
 
 
 def escape_speed(scene, diffusion):
-    """Speed outward above which a block surely overturns, but for `deviations` of the noise; `diffusion` is D."""
+    """Return the speed outward, nondimensional, above which a block of a scene surely overturns.
+
+    It is sure but for `TUNING.deviations` standard deviations of the noise; `diffusion` is its D, nondimensional.
+    """
     noise = TUNING.deviations * math.sqrt(diffusion)
     farthest = max(*block_of_scene(scene).saddles, scene.overturning.angle - 1.0)
     return farthest + scene.forcing.swing + exact_correction(scene) + noise
@@ -134,7 +140,7 @@ class CellSearch(NamedTuple):
 
     @classmethod
     def of(cls, lines):
-        """Return the tables of mesh lines (cells + 1,), ascending."""
+        """Return the `CellSearch`, tables that find a point's cell, of mesh lines (cells + 1,), ascending."""
         sizes = np.diff(lines)
         count = int(min(np.ceil((lines[-1] - lines[0]) / sizes.min() * (1.0 + 1e-9)) + 1, TUNING.search_entries))
         density = count / (lines[-1] - lines[0])
@@ -169,7 +175,7 @@ class Space:
 
     @property
     def lines(self):
-        """Mesh lines (angle, velocity)."""
+        """Mesh lines (angle, velocity), arrays (angle cells + 1,) and (velocity cells + 1,), nondimensional."""
         return self.angle_lines, self.velocity_lines
 
     @property
@@ -179,22 +185,22 @@ class Space:
 
     @property
     def unknowns(self):
-        """Number of coefficients."""
+        """Number of coefficients of one density, an int."""
         return int(np.prod(self.shape))
 
     @functools.cached_property
     def areas(self):
-        """Areas of the cells, (angle cells, velocity cells)."""
+        """Areas of the cells, (angle cells, velocity cells), nondimensional."""
         return np.outer(np.diff(self.angle_lines), np.diff(self.velocity_lines))
 
     @functools.cached_property
     def first_positive(self):
-        """Index of the first angle cell on the side x > 0."""
+        """Index, an int, of the first angle cell on the side x > 0."""
         return int(np.searchsorted(self.angle_lines, 0.0, side="left"))
 
     @functools.cached_property
     def cell_searches(self):
-        """The `CellSearch` of an angle, and of a velocity."""
+        """The tables `CellSearch` that find the cell of an angle, and that of a velocity: a tuple of two."""
         return tuple(map(CellSearch.of, self.lines))
 
     def basis(self, order=None):
@@ -203,7 +209,7 @@ class Space:
         Parameters
         ----------
         order : int, optional
-            Of the quadrature; by default that which integrates products of two functions of the space exactly.
+            Degree that its quadrature integrates; by default that of products of two functions of the space.
         """
         from skfem import Basis, MeshQuad
 
@@ -211,9 +217,10 @@ class Space:
         return Basis(mesh, legendre_element(self.degree), intorder=2 * self.degree if order is None else order)
 
     def project(self, density, points):
-        """Return the coefficients of a function: L2 projection with Gauss `points` an axis.
+        """Return the coefficients (angle cells, velocity cells, degree + 1, degree + 1) of a function's L2 projection.
 
-        `density` takes arrays of angles and velocities, which are broadcast against each other.
+        `density` takes arrays of angles and velocities, which are broadcast against each other, and returns values;
+        `points` is the number of Gauss points an axis.
         """
         nodes, weights = gauss_legendre(points)
         table = legendre_basis(nodes, self.degree) * weights[:, None]
@@ -223,9 +230,9 @@ class Space:
         return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
     def transfer(self, coefficients, source):
-        """Return the coefficients in this space of a density in another one, by exact L2 projection.
+        """Return coefficients, of this space's shape, of a density in another one, by exact L2 projection.
 
-        `coefficients` have the shape of the `Space` `source`. Both meshes have the same extents, so that mass is
+        `coefficients` have the shape of that `Space`, `source`. Both meshes have the same extents, so that mass is
         conserved.
         """
         angle = _overlap_integrals(self.angle_lines, self.degree, source.angle_lines, source.degree)
@@ -233,13 +240,14 @@ class Space:
         return np.einsum("xayb,ybwd,vcwd->xvac", angle, coefficients.transpose(0, 2, 1, 3), velocity, optimize=True)
 
     def masses(self, coefficients):
-        """Mass in each cell, (angle cells, velocity cells), by coefficients of the space's shape."""
+        """Return the mass in each cell, (angle cells, velocity cells), by `coefficients` of the space's shape."""
         return coefficients[:, :, 0, 0] * self.areas
 
     def evaluate(self, coefficients, angle, velocity):
-        """Density at points `angle`, `velocity` (broadcast), 0 outside the mesh; on a mesh line that of the cell above.
+        """Return the density at points `angle`, `velocity`, an array of their broadcast shape; 0 outside the mesh.
 
-        `coefficients` have the space's shape.
+        On a mesh line it is that of the cell above. `coefficients` (angle cells, velocity cells, degree + 1, degree +
+        1) are those of the density.
         """
         angle, velocity = np.broadcast_arrays(np.asarray(angle, dtype=float), np.asarray(velocity, dtype=float))
         (i, xi), (j, eta) = locate(self.angle_lines, angle), locate(self.velocity_lines, velocity)
@@ -259,41 +267,42 @@ class Space:
         return along @ coefficients @ across.T
 
     def bin_integrals(self, coefficients, angle_edges, velocity_edges):
-        """Integrals over the rectangles between edges, (..., len(angle_edges) - 1, len(velocity_edges) - 1), exact.
+        """Return exact integrals of densities over the rectangles between edges, (..., angle bins, velocity bins).
 
-        `coefficients` (..., the space's shape) are those of one or many densities.
+        The edges are ascending. `coefficients` (..., the space's shape) are those of one or many densities.
         """
         left = _interval_integrals(self.angle_lines, angle_edges, self.degree)
         right = _interval_integrals(self.velocity_lines, velocity_edges, self.degree)
         return np.einsum("mxa,...xvab,nvb->...mn", left, coefficients, right, optimize=True)
 
     def negative_mass(self, coefficients, points=8):
-        """Integral of max(-p, 0), by quadrature with `points` Gauss points an axis in every cell.
+        """Return the integral of max(-p, 0), a float, by quadrature with `points` Gauss points an axis in every cell.
 
-        `coefficients` of p have the space's shape.
+        `coefficients` of p have the space's shape, (angle cells, velocity cells, degree + 1, degree + 1).
         """
         nodes, weights = gauss_legendre(points)
         values = np.maximum(-self.cell_values(coefficients, nodes, nodes), 0.0)
         return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
 
     def absolute_mass(self, coefficients):
-        """Integral of |p|, by Gauss quadrature in every cell; `coefficients` of p have the space's shape."""
+        """Return the integral of |p|, a float, by Gauss quadrature; `coefficients` of p have the space's shape."""
         return float(self.masses(coefficients).sum()) + 2.0 * self.negative_mass(coefficients)
 
 
 def reflected(coefficients):
-    """Return densities (..., *space.shape), by their coefficients, reflected: (x, v) -> (-x, -v).
+    """Return the coefficients of densities reflected by (x, v) -> (-x, -v), by those before.
 
-    Their mesh is symmetric about 0.
+    Both are (..., angle cells, velocity cells, degree + 1, degree + 1). Their mesh is symmetric about 0.
     """
     signs = (-1.0) ** np.arange(coefficients.shape[-1])
     return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
 
 
 def _overlap_integrals(lines, degree, source_lines, source_degree):
-    """Integrals of products of two sets of shape functions, (cells, modes, source cells, source modes).
+    """Return integrals of products of two sets of shape functions, (cells, modes, source cells, source modes).
 
-    Each is of mesh lines and a degree; they are per size of the cells of the first.
+    Each set is given by mesh lines and a degree, `modes` being degree + 1; the integrals are divided by the size of the
+    cell of the first.
     """
     nodes, weights = gauss_legendre((degree + source_degree) // 2 + 1)
     breaks = np.union1d(lines, source_lines)
@@ -311,9 +320,9 @@ def _overlap_integrals(lines, degree, source_lines, source_degree):
 
 
 def _interval_integrals(lines, edges, degree):
-    """Integrals of all cells' shape functions over the intervals between edges.
+    """Return integrals of all cells' shape functions over the intervals between edges, (intervals, cells, degree + 1).
 
-    They are (intervals, cells, degree + 1); `lines` (cells + 1,) are the mesh lines, `edges` ascending.
+    `lines` (cells + 1,) are the mesh lines, `edges` (intervals + 1,) ascending.
     """
     edges = np.asarray(edges, dtype=float)
     sizes = np.diff(lines)
@@ -326,7 +335,7 @@ def _interval_integrals(lines, edges, degree):
 
 @functools.cache
 def legendre_element(degree):
-    """Return the scikit-fem element of products of orthonormal Legendre polynomials up to a degree.
+    """Return a scikit-fem element, an `ElementH1`, of products of orthonormal Legendre polynomials up to a `degree`.
 
     It has no continuity: all unknowns are inside a cell, and the mass matrix is the Jacobian.
     """
@@ -345,7 +354,7 @@ def legendre_element(degree):
         doflocs = np.full(((degree + 1) ** 2, 2), 0.5)
 
         def lbasis(self, X, i):
-            """Value (...) and gradient (2, ...) of shape function i at reference points X (2, ...).
+            """Return (value, gradient), shapes (...) and (2, ...), of shape function i at reference points X (2, ...).
 
             On a tensor mesh the first reference axis is the velocity.
             """

@@ -22,7 +22,11 @@ from fpk_rocking.density.tuning import TUNING
 
 
 class PatchDensity(NamedTuple):
-    """A density on a patch: its time, the patch, the coefficients, and the outflow (3,) on the way."""
+    """A density on a patch, a small mesh that moves with it: time, patch, coefficients, outflow on the way.
+
+    `coefficients` have the shape ``patch.shape``, `outflow` (3,) is the mass past the cut-off left and right and
+    truncated; the time is nondimensional.
+    """
 
     time: float
     patch: Space
@@ -32,6 +36,8 @@ class PatchDensity(NamedTuple):
 
 class StartUp:
     """The density of a start on moving patches, computed as far as is asked; all meshes that take it over share it.
+
+    Times are nondimensional and count from the start.
 
     Parameters
     ----------
@@ -67,25 +73,25 @@ class StartUp:
 
     @property
     def starts_at_rest(self):
-        """Whether the block is at rest and the forcing does not lift it off."""
+        """Whether the block is at rest at the start and the forcing does not lift it off then: a bool."""
         still = not self._initial.mean.any() and not self._initial.covariance.any()
         return still and self.dynamics.rest_gap(0.0) >= 0.0
 
     def flight(self, time):
-        """`Gaussian` at a `time` since the start of a flight in which nothing happens."""
+        """Return the `Gaussian` of angle and velocity at a `time` since the start of an eventless flight."""
         if time <= 0.0:
             return self._initial
         return self._flight(time) if self._exact else self._initial.after_flight(self.dynamics, 0.0, time, self._side)
 
     def spread(self, time):
-        """`Gaussian` with the spread of a start at a `time`: about rest where the forcing has not lifted it off."""
+        """Return the `Gaussian` of the start's spread at a `time`: about rest where nothing has lifted it off."""
         gaussian = self.flight(time)
         if self.starts_at_rest and self.dynamics.since_lift_off(time)[0] > time:
             gaussian.mean = np.zeros(2)
         return gaussian
 
     def resolution(self, time, space):
-        """Least conditional standard deviation of the density at a `time` over the size of a cell of a `Space`."""
+        """Return the density's least conditional standard deviation at a `time` over the size of a `Space`'s cell."""
         if not (self._waiting or self._lifted_later):
             return self.spread(time).resolution(space)
         now, settings = self._before(time), self.settings
@@ -97,7 +103,7 @@ class StartUp:
         return min(size / cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
     def rattles_unresolved(self, time):
-        """Whether, at a `time`, a block at rest is still to be lifted off by a forcing within its period.
+        """Whether, at a `time`, a block at rest is still to be lifted off by a forcing within its period: a bool.
 
         Until then it rattles in a layer that is far thinner than the spread of a flight, by which a mesh is judged.
         """
@@ -105,23 +111,30 @@ class StartUp:
 
     @property
     def _lifted_later(self):
-        """Whether a block that begins at rest is lifted off later, without a time for which it is known to wait."""
+        """Whether a block that begins at rest is lifted off later, at a time that is not known in advance: a bool."""
         if self._lift_off_is_known or not self.starts_at_rest:
             return False
         return self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):
-        """Mass at a `time` that is within an angle and a velocity of the origin."""
+        """Return the mass, a float, within |x| < `angle` and |v| < `velocity` at a `time`; nondimensional.
+
+        It is that of the last density that is carried before.
+        """
         now = self._before(time)
         return float(now.patch.bin_integrals(now.coefficients[None], [-angle, angle], [-velocity, velocity]).sum())
 
     def undisturbed(self, gaussian):
-        """Whether a `Gaussian` is on the side of the start, and keeps away from x = 0 and the cut-off."""
+        """Whether a `Gaussian` is on the side of the start, and keeps away from x = 0 and the cut-off: a bool."""
         reach = self.settings.reach * math.sqrt(gaussian.covariance[0, 0])
         return reach < self._side * gaussian.mean[0] < self.dynamics.block.cutoff - reach
 
     def project(self, end, target: Space):
-        """Density at a time `end` on a mesh: coefficients (``target.shape``), and the outflow (3,) since the start."""
+        """Return (coefficients, outflow): the density at a time `end` on a mesh, and the mass lost since the start.
+
+        The coefficients have the shape ``target.shape``, (angle cells, velocity cells, degree + 1, degree + 1),
+        `target` being the `Space`; the outflow (3,) is the mass past the cut-off left and right and truncated.
+        """
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
@@ -129,7 +142,7 @@ class StartUp:
         return coefficients, now.outflow + outflow
 
     def _before(self, end):
-        """Last `PatchDensity` from which one step leads to a time `end`."""
+        """Return the last `PatchDensity` from which one step leads to a time `end`."""
         part = TUNING.closed_form_part
         if end <= self._gaussian_until / part:
             return self._on_patch(min(self._gaussian_until, max(part * end, end - self._longest_flight)))
@@ -162,9 +175,10 @@ class StartUp:
         return PatchDensity(now.time + duration, target, coefficients, now.outflow + outflow)
 
     def _characteristics(self, now, duration, quiet):
-        """`Characteristics` of one step from the cells of a patch with mass in them.
+        """Return the `Characteristics`, the paths, of one step from the cells of a patch with mass in them.
 
-        `now` is the `PatchDensity` at its begin, and `quiet` tells that no path meets an event within its `duration`.
+        `now` is the `PatchDensity` at its begin, and `quiet`, a bool, tells that no path meets an event within its
+        `duration`.
         """
         # A block that the forcing cannot lift off rattles: many short steps follow, of one Gauss point more.
         rattles = self.dynamics.rest_gap(now.time) >= 0.0
@@ -174,7 +188,7 @@ class StartUp:
         return Characteristics(now.patch, now.time, duration, self.dynamics, rule, active, to_other_mesh=True)
 
     def _on_patch(self, time):
-        """`PatchDensity` of the Gaussian of a flight in which nothing happens, at a `time`, on a patch of its own."""
+        """Return the `PatchDensity` at a `time` of the Gaussian of an eventless flight, on a patch of its own."""
         gaussian, cutoff = self.flight(time), self.dynamics.block.cutoff
         patch = patch_of(self.settings, gaussian.mean, gaussian.covariance, cutoff)
         coefficients, tails = patch.project(gaussian, self.settings.points + 1), gaussian.tails(cutoff)
@@ -185,7 +199,7 @@ class StartUp:
         return PatchDensity(time, patch, coefficients, np.array([*tails, missing]))
 
     def _last_gaussian_time(self):
-        """Last time until which the density is a Gaussian that nothing has disturbed."""
+        """Return the last time, a float, until which the density is a Gaussian that nothing has disturbed."""
         initial, least = self._initial, 1e-9 * self._cycle
         if not initial.mean.any() and not initial.covariance.any():
             return self.settings.early * _drift_time(self.dynamics)
@@ -198,7 +212,7 @@ class StartUp:
         return quiet
 
     def _bent(self, gaussian, time):
-        """Whether a Gaussian is so wide that the curvature of an exact block's acceleration matters to its mean.
+        """Whether a `Gaussian` is so wide that the curvature of an exact block's acceleration matters to its mean.
 
         `time` is the duration of the flight so far.
         """
@@ -210,11 +224,11 @@ class StartUp:
         return shift > TUNING.bent_gaussian * self.settings.growth
 
     def _longest_step_near_rest(self, now):
-        """Longest duration of a step from `now`, a `PatchDensity`, for a block that rattles at x = 0 or is lifted off.
+        """Return the longest duration of a step from `now`, a `PatchDensity`, for a block near rest.
 
-        Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3) of |f| = 1, the
-        level of lift-off. Steps are a part of that; from |f| = 1 on they also grow with the time since. It is
-        nondimensional, and inf where |f| has been above 1 since before the start.
+        Such a block rattles at x = 0 or is lifted off. It is nondimensional, and inf where |f| has been above 1 since
+        before the start. Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3)
+        of |f| = 1, the level of lift-off. Steps are a part of that; from |f| = 1 on they also grow with the time since.
         """
         time, growth = now.time, self.settings.growth
         dynamics = self.dynamics.averaged_over(time, 1e-6 * self._cycle)
@@ -234,7 +248,7 @@ class StartUp:
         return growth * (TUNING.lifted_step * since + TUNING.rattle_step * _crossing_time(dynamics, change))
 
     def _rattles(self, now, duration):
-        """Whether mass of a `PatchDensity` that matters may come to rest at x = 0 within a step of a `duration`."""
+        """Whether mass of a `PatchDensity` that matters may come to rest at x = 0 within a `duration`: a bool."""
         slow = max(self.dynamics.rest_gap(now.time), 0.0) * duration
         slow += self.settings.reach * math.sqrt(
             2.0 * self.dynamics.averaged_over(now.time, duration).diffusion * duration
@@ -246,9 +260,10 @@ class StartUp:
         return np.abs(now.patch.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > TUNING.missing_mass
 
     def _free_time(self, now, longest):
-        """Longest halving of a duration within which no path of a density meets an event; 0 below a 64th of it.
+        """Return the longest halving of a duration within which no path of a density meets an event.
 
-        `now` is the `PatchDensity`, `longest` the duration that is halved.
+        It is 0.0 where that is less than a 64th. `now` is the `PatchDensity`, `longest` the duration that is halved,
+        nondimensional.
         """
         dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
 
@@ -268,10 +283,10 @@ class StartUp:
 def takeover_step(startup: StartUp, space: Space, edges, settled=None):
     """Return the index, 1 or more, of those step `edges` (n,), times since the start, where a mesh takes over.
 
-    It is the first at which the mesh, a `Space`, resolves an undisturbed Gaussian, or the last before an event if that
-    Gaussian is barely resolved there: the patches would have to follow it through the event. Or it is the first at
-    whose time `settled`, a function of time, is true. None is before a block at rest is lifted off, see
-    `StartUp.rattles_unresolved`.
+    It is the first at which the mesh, a `Space`, resolves an undisturbed Gaussian of the `StartUp`, or the last before
+    an event if that Gaussian is barely resolved there: the patches would have to follow it through the event. Or it is
+    the first at whose time `settled`, a function of time that returns a bool, is true. None is before a block at rest
+    is lifted off, see `StartUp.rattles_unresolved`.
     """
     before, last = None, len(edges) - 1
     for step in range(1, last):
@@ -288,7 +303,7 @@ def takeover_step(startup: StartUp, space: Space, edges, settled=None):
 
 
 def _drift_time(dynamics: Dynamics):
-    """Time t* at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner.
+    """Return the time at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner.
 
     D and the force f, at τ = 0, are those of the `Dynamics`; nondimensional, at most 1.
     """
@@ -299,8 +314,8 @@ def _drift_time(dynamics: Dynamics):
 
 
 def _crossing_time(dynamics: Dynamics, change):
-    """Time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3).
+    """Return the time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3).
 
-    The rate is `change`, nondimensional; D is that of the `Dynamics`.
+    It is inf for a rate of 0. The rate is `change`, nondimensional as the time is; D is that of the `Dynamics`.
     """
     return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf

@@ -74,7 +74,7 @@ class Sticking:
         self._stopping = self._fastest_to_stop(0.8 * 0.5 * slowing * gap, steady)
 
     def _over(self, forces, block):
-        """Least speeds (n,) at which a block passes a saddle within each interval, under `forces` (n + 1,) at edges."""
+        """Return least speeds (n,) at which a block passes a saddle in each interval, by `forces` (n + 1,) at edges."""
         speeds = [
             saddle_speed(min(side * force, law.gravity / law.part), block.critical_angle, saddle, scale)
             for (side, law), saddle, scale in zip(self._laws.items(), block.saddles, block.scales, strict=True)
@@ -83,11 +83,11 @@ class Sticking:
         return _least(np.reshape(speeds, (2, -1)).min(axis=0))
 
     def _steady(self, forces, pull, loss):
-        """Speeds (n,) up to which hops die out under a changing force, inf where it does not change.
+        """Return speeds (n,) up to which hops die out under a changing force, inf where it does not change.
 
         `forces` are at the edges of the n intervals, as they change the pull; `pull` (n,) is the least pull in each and
-        `loss` is 1 - e, its mean. Two hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to
-        4 |f''| w³/(3 g³).
+        `loss` is 1 - e, its mean. Two hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to 4
+        |f''| w³/(3 g³).
         """
         bend = np.pad(np.abs(np.diff(forces, 2)) / self._edges[1] ** 2, 1, mode="edge")
         speeds = np.full(len(pull), math.inf)
@@ -96,7 +96,7 @@ class Sticking:
         return np.sqrt(speeds)
 
     def _until_lift_off(self, rate):
-        """Integral (n,) of a rate (n,), per time in each interval, from its end to the next lift-off.
+        """Return the integral (n,) of a `rate` (n,), per time in each interval, from its end to the next lift-off.
 
         It is inf where there is none.
         """
@@ -108,7 +108,7 @@ class Sticking:
         return integral
 
     def _fastest_to_stop(self, rate, steady):
-        """Largest speed (n,) at the begin of each interval that falls to 0, at a rate (n,), before the next lift-off.
+        """Return the largest speed (n,) at each interval's begin that falls to 0 at a `rate` (n,) before a lift-off.
 
         On its way it stays within the speed up to which hops die out, `steady` (n,).
         """
@@ -120,29 +120,29 @@ class Sticking:
         return fastest
 
     def _interval(self, time):
-        """Return the number of the interval that begins at a `time` or goes on there, the last one after the end."""
+        """Return the index, an int, of the interval that begins at a `time` or goes on there; the last after them."""
         return min(
             max(int(np.searchsorted(self._edges, time * (1.0 + 1e-12), side="right")) - 1, 0), len(self._sticks) - 1
         )
 
     def until(self, time: float) -> float:
-        """Time until which a block at rest may stick from a `time` on; the time itself where it may not."""
+        """Return the time until which a block at rest may stick from `time` on, maybe inf; `time` where it may not."""
         first = self._interval(time)
         later = self._sticks[first:]
         return math.inf if later.all() else max(float(self._edges[first + np.argmin(later)]), time)
 
     def next_lift_off(self, time: float) -> float:
-        """Time, from a `time` on, at which the forcing next lifts a block off; that itself where it never does."""
+        """Return the first time from `time` on at which the forcing lifts a block off; `time` where it never does."""
         later = self._edges[:-1][self._lifting]
         later = later[later >= time]
         return float(later[0]) if later.size else time
 
     def stopping_cells(self, time: float, space: Space) -> Array:
-        """Cells from which a block comes to rest before the next lift-off without noise, from a `time` on.
+        """Return a mask (angle cells, velocity cells): from there a block comes to rest before the next lift-off.
 
-        They are a mask (angle cells, velocity cells) of the mesh of a `Space`. Under a constant force a block of the
-        speed v does so within 2v / ((1 - e) h), the sum of its hops to both sides. A force that changes within a hop
-        can keep it hopping for ever, though it does not lift it off (`_steady`).
+        Noise does not count. It does so from `time` on; the cells are those of a `Space`. Under a constant force a
+        block of the speed v does so within 2v / ((1 - e) h), the sum of its hops to both sides. A force that changes
+        within a hop can keep it hopping for ever, though it does not lift it off (`_steady`).
         """
         angles, velocities = (0.5 * (lines[1:] + lines[:-1]) for lines in space.lines)
         gravity = np.where(angles > 0.0, self._laws[1].gravity, self._laws[-1].gravity)
@@ -152,18 +152,18 @@ class Sticking:
 
 
 def _least(edges):
-    """Lesser of the values (n,) at both ends of each interval, of values (n + 1,) at the edges."""
+    """Return the lesser of the values (n,) at both ends of each interval, of values `edges` (n + 1,) at the edges."""
     return np.minimum(edges[1:], edges[:-1])
 
 
 def cells_at_origin(space: Space) -> Array:
-    """Mark the cells (angle cells, velocity cells) of the mesh of a `Space` that touch the origin."""
+    """Return a mask (angle cells, velocity cells) of the cells of a `Space`'s mesh that touch the origin."""
     angle, velocity = ((lines[:-1] <= 0.0) & (lines[1:] >= 0.0) for lines in space.lines)
     return np.outer(angle, velocity)
 
 
 def density_at_rest(space: Space) -> Array:
-    """Coefficients (``space.shape``) of a density of mass 1 that is even over the cells at the origin.
+    """Return coefficients (``space.shape``) of a density of mass 1 that is even over the cells at the origin.
 
     It stands for a block at rest.
     """
@@ -194,7 +194,7 @@ class ReInjection(NamedTuple):
     resolved: bool
 
     def at(self, time: float, space: Space) -> tuple[Array, Array]:
-        """Coefficients (``space.shape``) on a mesh at a `time` τ, and the outflow (3,) since it began."""
+        """Return (coefficients, outflow) of its density at a `time` τ: ``space.shape``, and (3,) since it began."""
         if time <= self.origin:
             return self.mass * density_at_rest(space), np.zeros(3)
         coefficients, outflow = self.startup.project(time - self.origin, space)
@@ -239,11 +239,11 @@ class TransientState:
 
     @property
     def time(self) -> float:
-        """Time τ of the state."""
+        """Nondimensional time τ of the state."""
         return float(self.edges[0])
 
     def spend(self, mass: float, most: float) -> bool:
-        """Whether a `mass` may be treated as small: all such masses together are at most `most`.
+        """Return whether a `mass` may be treated as small, a bool: all such masses together are at most `most`.
 
         If so it is added to `spent`.
         """
@@ -278,9 +278,9 @@ class TransientPropagator(Propagator):
         return 2 * self.buffers.nbytes
 
     def initial_state(self, start: Start, times: Array) -> TransientState:
-        """State at τ = 0: a start at rest sticks, any other is on its way to the mesh.
+        """Return the `TransientState` at τ = 0: a start at rest sticks, any other is on its way to the mesh.
 
-        `times` (rows,) are those of the results.
+        `times` (rows,) are those of the results, nondimensional.
         """
         self._sticking = Sticking(self.dynamics, times[-1], self._forgetting)
         edges = step_edges(self.scene, self.duration, times)
@@ -292,7 +292,7 @@ class TransientPropagator(Propagator):
         return state
 
     def advance(self, state: TransientState, latest: float) -> TransientState:
-        """Return a `TransientState`, changed in place, after one step, or after two at once.
+        """Return the `TransientState`, changed in place, after one step, or after two at once.
 
         It is not later than `latest`, a time at which a step ends, and has the re-injections that the mesh then
         resolves.
@@ -322,7 +322,7 @@ class TransientPropagator(Propagator):
         return state
 
     def snapshot(self, state: TransientState) -> Snapshot:
-        """`Snapshot` of all parts of a `TransientState` together: coefficients of the density, outflow.
+        """Return the `Snapshot` of all parts of a `TransientState` together: coefficients of the density, outflow.
 
         It is resolved where all is on the mesh and noise acts.
         """
@@ -336,7 +336,7 @@ class TransientPropagator(Propagator):
         return Snapshot(coefficients, outflow, resolved=resolved, reinjected=state.reinjected)
 
     def _stick(self, state, time):
-        """Let those blocks of a `TransientState` stick that come to rest before the next lift-off.
+        """Let those blocks of a `TransientState` stick that come to rest before the next lift-off; return None.
 
         `time` is that of the state, which is changed in place.
         """
@@ -348,7 +348,7 @@ class TransientPropagator(Propagator):
         state.density = np.where(stopping[..., None, None], 0.0, state.density)
 
     def _injection(self, origin, mass, start, edges):
-        """`ReInjection` of a mass, which is at the `Start` at a time `origin`.
+        """Return the `ReInjection` of a `mass`, a probability, which is at the `Start` at a time `origin`.
 
         The origin is before the second of `edges` (n,), those of the steps to come.
         """
@@ -358,7 +358,7 @@ class TransientPropagator(Propagator):
         after = np.append(origin, edges[edges > origin * (1.0 + 1e-9)]) - origin
 
         def settled(since):
-            """Whether, at a time `since` the origin, blocks may stick and enough of the mass is at rest."""
+            """Whether, at a time `since` the origin, blocks may stick and enough of the mass is at rest: a bool."""
             time = origin + since
             sticks = time > lift_off and self._sticking.until(time) > time
             near = startup.mass_within(since, TUNING.rest_angle, TUNING.rest_velocity) if sticks else 0.0
@@ -371,11 +371,11 @@ class TransientPropagator(Propagator):
 
     @property
     def _steps_may_be_long(self):
-        """Whether steps may be twice as long while the slow blocks, which need short steps, stick at rest."""
+        """Whether steps may be twice as long while slow blocks, which need short steps, stick at rest: a bool."""
         return 2.0 * TUNING.steps_per_harmonic * self.duration <= self.dynamics.forcing.shortest_period
 
     def _step(self, begin, end, density):
-        """`Step` from time `begin` to `end`, for the cells in which a density has more than a negligible mass.
+        """Return a `Step` from time `begin` to `end`, for the cells in which a density has more than a negligible mass.
 
         `density` are its coefficients (``space.shape``).
         """
@@ -389,7 +389,7 @@ class TransientPropagator(Propagator):
 
 
 def step_edges(scene: Scene, duration: float, times: Array) -> Array:
-    """Edges (n,) of steps of about a `duration`, to the last of the times (rows,).
+    """Return the edges (n,), from 0 on, of steps of about a `duration`, to the last of the `times` (rows,).
 
     All times and the end of the forcing are among them; each takes the place of an edge within .3 of a step.
     """

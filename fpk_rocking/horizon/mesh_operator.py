@@ -23,6 +23,9 @@ from fpk_rocking.horizon.modes import Powers, leading_modes
 class MeshOperator:
     """The map K of densities over a symmetry period of a scene on one mesh, its adjoint, and its modes.
 
+    A symmetry period is half a cycle where a reflection maps the second half to the first, else a cycle. Functions are
+    arrays of Legendre coefficients of the shape ``space.shape``, (angle cells, velocity cells, degree + 1, degree + 1).
+
     Parameters
     ----------
     white : Scene
@@ -31,7 +34,7 @@ class MeshOperator:
     motion : StateRange
         Where the mesh has to be fine.
     bound, beyond : float
-        Velocity bound of the mesh, and that to which coarser cells continue it.
+        Velocity bound of the mesh, and that to which coarser cells continue it; nondimensional.
 
     Attributes
     ----------
@@ -57,27 +60,32 @@ class MeshOperator:
             step.activate(everything)
 
     def vector(self, coefficients):
-        """Vector (unknowns,) of a function; Euclidean products of vectors are integrals of products of functions.
+        """Return the vector (unknowns,) of a function; Euclidean products of two are integrals of their product.
 
-        `coefficients`, of the shape ``space.shape``, are those of the function.
+        `coefficients` (angle cells, velocity cells, degree + 1, degree + 1) are those of the function.
         """
         return (coefficients * self._root).ravel()
 
     def coefficients(self, vector):
-        """Coefficients, of the shape ``space.shape``, of the function that a real vector (unknowns,) stands for."""
+        """Return the coefficients of the function that a real vector (unknowns,) stands for.
+
+        Their shape is ``space.shape``, (angle cells, velocity cells, degree + 1, degree + 1).
+        """
         return vector.reshape(self.space.shape) / self._root
 
     def reflected(self, coefficients):
-        """Coefficients of a function at the end of a symmetry period as the next period begins with them.
+        """Return a function at the end of a symmetry period as the next period begins with it.
 
-        They are of the shape ``space.shape`` before and after.
+        It is (x, v) -> (-x, -v) of it where a period is half a cycle, else the same. `coefficients`, before and after,
+        have the shape ``space.shape``.
         """
         return reflected(coefficients) if self.periods == 2 else coefficients
 
     def forward(self, coefficients):
-        """Density after a symmetry period, reflected, and the outflow (3,): absorbed left and right, truncated.
+        """Return (coefficients, outflow) of a density after a symmetry period, reflected.
 
-        `coefficients` are those of the density before it, of the shape ``space.shape``, as are those after it.
+        `coefficients`, before and after, have the shape ``space.shape``; `outflow` (3,) is the probability absorbed
+        left and right, and truncated.
         """
         outflow = np.zeros(3)
         for step in self.propagator.steps:
@@ -86,9 +94,9 @@ class MeshOperator:
         return self.reflected(coefficients), outflow
 
     def backward(self, values):
-        """Mean, before a symmetry period, of a function of the reflected state after it.
+        """Return the mean of a function of the reflected state after a symmetry period, by the state before it.
 
-        `values` are the coefficients of that function, of the shape ``space.shape``, as are those of the mean.
+        `values` and the mean are coefficients of the shape ``space.shape``.
         """
         values = self.reflected(values)
         for step in reversed(self.propagator.steps):
@@ -96,9 +104,9 @@ class MeshOperator:
         return values
 
     def time_inside(self):
-        """Mean time until overturning or the end of the symmetry period, in cycles, from every state.
+        """Mean time, in cycles, until overturning or the symmetry period's end, by start: coefficients.
 
-        Coefficients of a function; by the trapezoidal rule over the steps.
+        By the trapezoidal rule over the steps; of the shape ``space.shape``.
         """
         half_step = 0.5 / self.propagator.steps_per_cycle * self.one
         spent = np.zeros(self.space.shape)
@@ -107,24 +115,24 @@ class MeshOperator:
         return spent
 
     def matvec(self, vector):
-        """Apply K to a vector (unknowns,)."""
+        """Return K times a vector (unknowns,), that of a density: the vector (unknowns,) a symmetry period later."""
         return self.vector(self.forward(self.coefficients(vector))[0])
 
     def rmatvec(self, vector):
-        """Apply the transpose of K to a vector (unknowns,)."""
+        """Return the transpose of K times a vector (unknowns,), that of a function of the state: as long a vector."""
         return self.vector(self.backward(self.coefficients(vector)))
 
     def l1(self, vector):
-        """Bound on the integral of the absolute value of a function, by Schwarz in every cell.
-
-        `vector` (unknowns,) stands for the function.
-        """
+        """Bound, a float, of the integral of the |function| of `vector` (unknowns,), by Schwarz in every cell."""
         squares = np.sum(vector.reshape(self.space.shape) ** 2, axis=(2, 3))
         return float(np.sqrt(squares * self.space.areas).sum())
 
     @functools.cached_property
     def modes(self):
-        """Leading `Modes` of the operator of a symmetry period; ARPACK begins two cycles after a uniform density."""
+        """Leading eigenvalues and real eigenvectors, the named tuple `Modes`, of the operator of a symmetry period.
+
+        ARPACK begins two cycles after a uniform density; ValueError if next to nothing survives these.
+        """
         start, unity, remaining = self.vector(self.one), self.vector(self.one), 1.0
         for _ in range(2 * self.periods):
             start = self.matvec(start)
@@ -137,7 +145,10 @@ class MeshOperator:
 
     @functools.cached_property
     def left_modes(self):
-        """Leading modes of the adjoint, from another start: their eigenvalues agree, or they are refused."""
+        """Leading modes of the adjoint, the named tuple `Modes`, from another start.
+
+        ValueError where its leading eigenvalue and that of the operator disagree.
+        """
         start = np.random.default_rng(1).random(self.space.unknowns)
         modes = leading_modes(self.rmatvec, start)
         first, second = (each.values[0].real for each in (self.modes, modes))
@@ -148,7 +159,11 @@ class MeshOperator:
 
     @functools.cached_property
     def _smoothed(self):
-        """Quasi-stationary density of mass 1, after some more symmetry periods, and its outflow (3,) in one."""
+        """The pair (coefficients, outflow): quasi-stationary density of mass 1, after some more symmetry periods.
+
+        The coefficients have the shape ``space.shape``; the outflow (3,), left, right and truncated, is that in one
+        period.
+        """
         density = self.coefficients(self.modes.basis[:, 0])
         for _ in range(TUNING.smoothing_periods):
             density = density / self.space.masses(density).sum()
@@ -157,23 +172,26 @@ class MeshOperator:
 
     @property
     def quasi_stationary(self):
-        """Coefficients of the density that keeps its shape, of mass 1."""
+        """Coefficients, of the shape ``space.shape``, of the density that keeps its shape, of mass 1."""
         return self._smoothed[0]
 
     @property
     def leaks(self):
-        """Outflow (3,) of that density in a cycle: left, right, truncated; it leaks the same in both halves."""
+        """Outflow (3,) of the quasi-stationary density in a cycle, of its mass 1: left, right, truncated.
+
+        It leaks the same in both halves of a cycle, but for the sides.
+        """
         outflow = self._smoothed[1]
         return outflow if self.periods == 1 else outflow + (1.0 - outflow.sum()) * outflow[[1, 0, 2]]
 
     @property
     def log_eigenvalue(self):
-        """Logarithm of the leading eigenvalue of K."""
+        """Logarithm, a float, of the leading eigenvalue of K, that of a symmetry period."""
         return math.log1p(-self._smoothed[1].sum())
 
     @property
     def rate(self):
-        """Escape rate per cycle."""
+        """Escape rate per cycle, a float: minus the logarithm of a cycle's leading eigenvalue."""
         return -self.periods * self.log_eigenvalue
 
     @property
@@ -184,7 +202,10 @@ class MeshOperator:
 
     @functools.cached_property
     def level(self):
-        """What refinement compares: logarithm of the rate, and quasi-stationary density in 32 x 64 equal bins."""
+        """A `Level` of this solution, for refinement, which compares the escape rate's logarithm and 32 x 64 bins.
+
+        The bins, equal ones, are those of the quasi-stationary density.
+        """
         lines = zip(self.space.lines, (32, 64), strict=True)
         bins = self.space.bin_integrals(self.quasi_stationary, *(np.linspace(x[0], x[-1], n + 1) for x, n in lines))
         truncated = abs(self.leaks[2]) / abs(self.rate) if self.rate else math.inf
@@ -199,12 +220,15 @@ class MeshOperator:
         )
 
     def at_phase(self, phase):
-        """Return the `MeshOperator` on a mesh of the same resolution for another forcing phase, radians."""
+        """Return the `MeshOperator` on a mesh of the same resolution for another `phase` Ψ of the forcing, radians."""
         white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
         return MeshOperator(white, *self._inputs, bound_for_all_starts(white, self._inputs[1]))
 
     def survival(self, cycles, start):
-        """Survival of a `Start` after numbers of cycles (n,), and the estimated error of the modes: two arrays (n,)."""
+        """Return (survival, error), (n,) each: probability of standing after numbers of `cycles`, and the modes' error.
+
+        `cycles` (n,) are integers and `start` is a `Start`.
+        """
         first = self.propagator.propagate(self._white.period * np.arange(2), start=start)
         powers, unity = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
@@ -217,15 +241,18 @@ class MeshOperator:
         return survival, left_out
 
     def backward_powers(self):
-        """`Powers` of the adjoint, applied to the function 1: survival of every start."""
+        """Return the `Powers` of the adjoint applied to the function 1: its vectors are survival of every start."""
         return self._powers(self.vector(self.one), adjoint=True)
 
     def mean_time(self):
-        """Mean time until overturning, in cycles, a vector (unknowns,): the sum over all symmetry periods to come."""
+        """Return the mean time until overturning, in cycles, by start, as a vector (unknowns,).
+
+        It is the sum over all symmetry periods to come.
+        """
         return self._powers(self.vector(self.time_inside()), adjoint=True).total()
 
     def _powers(self, vector, adjoint=False):
-        """Return the `Powers` of K, or of its adjoint, applied to a vector (unknowns,)."""
+        """Return the `Powers` of K, or of its adjoint, applied to `vector` (unknowns,): the class that applies them."""
         apply = self.rmatvec if adjoint else self.matvec
         return Powers(
             apply, lambda: self.left_modes if adjoint else self.modes, self.l1, lambda: self.log_eigenvalue, vector
@@ -246,7 +273,7 @@ def refine_operator(white, tol):
     Returns
     -------
     Refined
-        Its levels have a `MeshOperator` each as solution.
+        Its levels, from finer and finer meshes, have a `MeshOperator` each as solution.
 
     Warns
     -----
@@ -263,16 +290,16 @@ def refine_operator(white, tol):
     beyond, wanted = bound_for_all_starts(white, motion), math.e * tol
 
     def solve(resolution, _):
-        """Build the `MeshOperator` at a `Resolution`; return its `Level`."""
+        """Return the `Level`, with a `MeshOperator` as solution, at a `Resolution`; the other argument is not used."""
         return MeshOperator(white, resolution, motion, bound, beyond).level
 
     def fits(level, resolution):
-        """Whether the operator at a `Resolution` finer than that of a `Level` takes little enough memory."""
+        """Whether the operator at a `Resolution` finer than that of a `Level` takes little enough memory: a bool."""
         finer = resolution.adapted(white, bound, motion, beyond, TUNING.cell_growth)
         return level.memory * finer.memory / level.solution.propagator.discretization.memory <= TUNING.finer_operator
 
     def is_done(refined):
-        """Whether the estimated errors of a `Refined` are within the tolerances, or no longer fall."""
+        """Whether the estimated errors of a `Refined` are within the tolerances, or no longer fall: a bool."""
         return refined.within(wanted, bins_tolerance(tol)) or is_stagnated(refined)
 
     refined = refine(resolutions_for(tol, before=SOLUTIONS - 1), solve, fits, is_done)
@@ -281,7 +308,7 @@ def refine_operator(white, tol):
 
 
 def is_stagnated(refined):
-    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it.
+    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it: a bool.
 
     `refined` is a `Refined` whose solutions are a `MeshOperator` each.
     """
@@ -294,7 +321,7 @@ def is_stagnated(refined):
 def judge(refined, tol):
     """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted.
 
-    `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` is that of `refine_operator`.
+    `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` the wanted error of survival.
     """
     fine, limit = refined.fine, TUNING.unresolved_negative_mass
     if fine.negative_mass > limit:
@@ -353,11 +380,11 @@ def bound_for_all_starts(white, motion):
 
 
 def bound_for_all_phases(white):
-    """Velocity bound for every phase of a scene with white noise, nondimensional.
+    """Return a bound of |v|, a float, nondimensional, for starts of a `Scene` with white noise at every phase.
 
-    To stand after an impact at v, e v must be below the speed of a sure escape. What is lost on the way to the impact
-    is bounded by the cut-off, the swing of the forcing and eight standard deviations of the noise (derived in
-    docs/theory, "One cycle as an operator").
+    A faster block overturns: to stand after an impact at v, e v must be below the speed of a sure escape. What is lost
+    on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard deviations of the
+    noise (derived in docs/theory, "One cycle as an operator").
     """
     noise = TUNING.deviations * math.sqrt(white.noise.diffusion)
     least, escape = min(white.block.restitution_by_side), escape_speed(white, white.noise.diffusion)
@@ -365,8 +392,8 @@ def bound_for_all_phases(white):
 
 
 def _largest(coefficients):
-    """Largest size of a coefficient in each cell, (angle cells, velocity cells).
+    """Return the largest absolute coefficient in each cell, (angle cells, velocity cells).
 
-    `coefficients` are those of a function, of the shape ``space.shape``.
+    `coefficients` (angle cells, velocity cells, degree + 1, degree + 1) are those of a function.
     """
     return np.abs(coefficients).max(axis=(2, 3))

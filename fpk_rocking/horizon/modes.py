@@ -38,7 +38,7 @@ def leading_modes(apply, start, count=TUNING.modes):
     Parameters
     ----------
     apply : callable
-        The real map of vectors (unknowns,).
+        The real linear map K: takes and returns a vector (unknowns,).
     start : ndarray, shape (unknowns,)
         Where the iteration starts.
     count : int
@@ -47,6 +47,7 @@ def leading_modes(apply, start, count=TUNING.modes):
     Returns
     -------
     Modes
+        Named tuple of eigenvalues, descending in modulus, real basis, block diagonal matrix and residuals.
 
     Raises
     ------
@@ -89,14 +90,15 @@ class Powers:
     Parameters
     ----------
     apply : callable
-        The map of vectors (unknowns,).
+        The map: takes and returns a vector (unknowns,).
     modes : callable
-        Returns its `Modes`; asked for after the first applications.
+        Without argument; returns its `Modes`. Called after the first applications.
     l1 : callable
-        Bound on the integral of the absolute value of what a vector stands for.
+        Takes a vector; returns a bound, a float, on the integral of the absolute value of what it stands for.
     leading_log : callable
-        Returns the logarithm of the leading eigenvalue, as exact as high powers want it.
+        Without argument; returns the logarithm of the leading eigenvalue, as exact as high powers want it.
     vector : ndarray, shape (unknowns,)
+        The vector before any application.
     """
 
     def __init__(self, apply, modes, l1, leading_log, vector):
@@ -105,7 +107,7 @@ class Powers:
         self._amplitudes, self._left_out = None, 0.0
 
     def after(self, count):
-        """Vector (unknowns,) after `count` applications, not fewer than were asked for before."""
+        """Return the vector (unknowns,) after `count` applications, not fewer than were asked for before."""
         while self._count < count and self._amplitudes is None:
             self._advance()
         if self._amplitudes is None:
@@ -113,7 +115,7 @@ class Powers:
         return self._by_modes(count - self._count)
 
     def total(self):
-        """Sum (unknowns,) of the vectors after every number of applications, 0 included."""
+        """Return the sum (unknowns,) of the vectors after every number of applications, 0 included."""
         total = np.zeros_like(self._vector)
         while self._amplitudes is None:
             before = self._vector
@@ -126,7 +128,7 @@ class Powers:
         return total + modes.basis @ (further @ self._amplitudes)
 
     def left_out(self, count):
-        """L1 norm of the neglected part of a density after `count` applications of the operator.
+        """Return the L1 norm, a float, of the neglected part of a density after `count` applications of the operator.
 
         What a least-squares fit leaves holds a part of the leading mode: it falls like that mode, not like those that
         were not computed (derived in docs/theory, "One cycle as an operator").
@@ -136,7 +138,10 @@ class Powers:
         return self._left_out * math.exp((count - self._count) * self._leading_log())
 
     def _advance(self):
-        """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
+        """Hand over to the modes where they leave next to nothing out, else apply the map once more; return None.
+
+        It changes the object: the vector and its count, or the amplitudes of the modes.
+        """
         if self._count == TUNING.steps_until_modes:
             accepted = f"one that {TUNING.modes} modes represent after {TUNING.steps_until_modes} half cycles"
             raise ValueError(checks.refusal("scene", "a density with many slowly decaying modes", accepted))
@@ -150,7 +155,7 @@ class Powers:
         self._vector, self._count = self._apply(self._vector), self._count + 1
 
     def _by_modes(self, further):
-        """Vector (unknowns,) after `further` applications of the operator, by powers of the eigenvalues."""
+        """Return the vector (unknowns,) `further` applications after that kept, by powers of the eigenvalues."""
         modes = self._modes()
         power = np.zeros_like(modes.block)
         power[0, 0] = np.exp(further * self._leading_log())

@@ -110,17 +110,17 @@ class CycleOperator(Result, LinearOperator):
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 
     def _matvec(self, vector):
-        """Vector (unknowns,) after a cycle, from that before it."""
+        """Return the vector (unknowns,) of a density after a cycle, from that before it."""
         return self._repeated(self._fine.matvec, vector)
 
     def _rmatvec(self, vector):
-        """Apply the transpose of `_matvec` to a vector (unknowns,)."""
+        """Return the transpose of `_matvec` times a vector (unknowns,), a vector (unknowns,)."""
         return self._repeated(self._fine.rmatvec, vector)
 
     def _repeated(self, apply, vector):
-        """Apply a map over a symmetry period to a vector (unknowns,) as often as there are such periods in a cycle.
+        """Return `vector` (unknowns,) after `apply`, a map over a symmetry period, has been applied for a cycle.
 
-        `apply` is the map, from vector to vector.
+        That is once or twice. `apply` takes and returns a vector (unknowns,).
         """
         vector = np.ascontiguousarray(vector, dtype=float).ravel()
         for _ in range(self._fine.periods):
@@ -129,22 +129,25 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def residual(self) -> float:
-        """Largest of the `residuals`."""
+        """Largest of the `residuals`, L2 norms, a float."""
         return float(np.max(self.residuals))
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Rates, error figures and tolerance, as plain values by name."""
+        """Rates, error figures and tolerance, a dict of plain values by name."""
         names = "escape_rate", "mean_cycles", "forgetting_cycles", "tol", "diffusion"
         return super().metadata | {name: float(getattr(self, name)) for name in names}
 
     @property
     def title(self) -> str:
-        """The escape rate and its error, as a line of text."""
+        """The escape rate per cycle and its relative error, as a line of text."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
     def dataset(self) -> Dataset:
-        """Leading eigenvalues, leakage to either side, and the binned quasi-stationary density."""
+        """Leading eigenvalues, leakage to either side, and the binned quasi-stationary density, as a `Dataset`.
+
+        It has modulus, real, imaginary (mode,), leakage (side,) and bin_probability (bin_angle, bin_velocity).
+        """
         edges, values = self._shown_edges(), self.eigenvalues
         angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
         bins = self.quasi_stationary.bin_probabilities(*edges)
@@ -166,11 +169,11 @@ class CycleOperator(Result, LinearOperator):
         )
 
     def plot(self) -> Any:
-        """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib figure."""
+        """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib Figure."""
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def density(figure, axes):
-            """Draw the quasi-stationary density on matplotlib's `axes`, with a colour bar in the figure."""
+            """Draw the quasi-stationary density on matplotlib's `axes`, with a colour bar in `figure`."""
             function_panel(figure, axes, self.quasi_stationary, self._shown_edges(), "quasi-stationary density")
 
         def eigenvalues(_, axes):
@@ -183,13 +186,13 @@ class CycleOperator(Result, LinearOperator):
         return figure_of(density, eigenvalues)
 
     def _shown_edges(self):
-        """Edges in angle (n + 1,) and velocity (m + 1,) of the bins in which the quasi-stationary density is drawn."""
+        """Edges (n + 1,) in angle and (m + 1,) in velocity, nondimensional, of the bins of the drawn density."""
         edges = joint_edges(self.scene)
         return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
     @property
     def space(self) -> Space:
-        """Mesh and polynomial degree."""
+        """Mesh and polynomial degree, a `Space`."""
         return self._fine.space
 
     def vector(self, coefficients: Array) -> Array:
@@ -198,7 +201,8 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         coefficients : ndarray, shape ``space.shape``
-            Coefficients of the function, such as those of a `Density` on the same mesh.
+            Coefficients of the function, such as those of a `Density` on the same mesh: (angle cells, velocity cells,
+            degree + 1, degree + 1).
 
         Returns
         -------
@@ -221,7 +225,7 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def quasi_stationary(self) -> Density:
-        """Quasi-stationary density at whole cycles, of mass 1: it keeps its shape while blocks overturn."""
+        """Quasi-stationary density at whole cycles, a `Density` of mass 1: it keeps its shape while blocks overturn."""
         return Density(self.space, self._fine.quasi_stationary)
 
     @property
@@ -265,6 +269,7 @@ class CycleOperator(Result, LinearOperator):
         Returns
         -------
         ndarray, shape of `cycles`
+            Probabilities.
         """
         shape = np.shape(cycles)
         return self.estimate_survival(np.ravel(cycles)).survival.reshape(shape)
@@ -282,6 +287,7 @@ class CycleOperator(Result, LinearOperator):
         Returns
         -------
         SurvivalEstimate
+            Named tuple of cycles, survival and error estimates, arrays of one length.
         """
         counts = np.array([checks.count("cycles", count, at_least=0) for count in cycles], dtype=np.int64)
         survival, left_out = self._fine.survival(counts, self._white.start)
@@ -306,6 +312,7 @@ class CycleOperator(Result, LinearOperator):
         Returns
         -------
         PlaneMap
+            Called with angles and velocities, nondimensional, it gives the probabilities.
         """
         cycles = checks.count("cycles", cycles, at_least=0)
         return self._map(
@@ -322,16 +329,17 @@ class CycleOperator(Result, LinearOperator):
         cycle : int
             Number of the cycle, from 1.
         phase : float, optional
-            As for `survival_map`.
+            Forcing phase Ψ at the start, radians; by default the scene's.
 
         Returns
         -------
         PlaneMap
+            Called with angles and velocities, nondimensional, it gives the probabilities.
         """
         cycle = checks.count("cycle", cycle)
 
         def passage(mesh):
-            """Vector (unknowns,) of the probability of overturning in the cycle by start, of a `MeshOperator`."""
+            """Return the probability of overturning in the cycle, by start: a `MeshOperator`'s vector (unknowns,)."""
             powers = mesh.backward_powers()
             before = powers.after(mesh.periods * (cycle - 1))
             return before - powers.after(mesh.periods * cycle)
@@ -344,16 +352,17 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         phase : float, optional
-            As for `survival_map`.
+            Forcing phase Ψ at the start, radians; by default the scene's.
 
         Returns
         -------
         PlaneMap
+            Called with angles and velocities, nondimensional, it gives numbers of cycles.
         """
         return self._map(MeshOperator.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
-        """Return the `PlaneMap` at a forcing phase, radians or None, of what a function makes.
+        """Return the `PlaneMap`, by start, of `function` at a forcing `phase`, radians, or None for the scene's.
 
         `function` takes a `MeshOperator` and returns a vector (unknowns,); the error is from two meshes. `from_start`,
         if any, takes a function of numbers of cycles that returns survival (n,) from one start, and returns the map's
@@ -372,7 +381,7 @@ class CycleOperator(Result, LinearOperator):
         return PlaneMap(space, fine, phase, float(error), starts)
 
     def _values_at_starts(self, mesh, function):
-        """Tuple of (angle, velocity, value) at rest and at the scene's start, where these are points.
+        """Return a tuple of (angle, velocity, value), floats, at rest and at the scene's start, where these are points.
 
         `mesh` is a `MeshOperator`; `function` is called with a function of numbers of cycles that returns survival (n,)
         from that start, and returns the value.

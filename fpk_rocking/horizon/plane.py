@@ -78,11 +78,11 @@ class PlaneMap:
         return f"<PlaneMap: integral {self.integral:.4g} on {cells} cells, estimated error {self.error_estimate:.1g}>"
 
     def plot(self) -> Any:
-        """Draw the values over the phase plane; returns a matplotlib figure."""
+        """Draw the values over the phase plane; returns a matplotlib Figure."""
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def values(figure, axes):
-            """Draw the values over the phase plane on matplotlib's `axes`, with a colour bar in the figure."""
+            """Draw the values over the phase plane on matplotlib's `axes`, with a colour bar in `figure`."""
             function_panel(figure, axes, self, self.mesh_lines, f"value of the start, Ψ = {self.phase:.4g}", 1.0)
 
         return figure_of(values)
@@ -108,12 +108,12 @@ class PlaneMap:
 
     @property
     def mesh_lines(self) -> tuple[Array, Array]:
-        """Mesh lines (angle, velocity), nondimensional."""
+        """Mesh lines (angle, velocity), arrays (angle cells + 1,) and (velocity cells + 1,), nondimensional."""
         return self.space.lines
 
     @property
     def degree(self) -> int:
-        """Polynomial degree in each direction."""
+        """Polynomial degree in each direction, an int."""
         return self.space.degree
 
     def cell_values(self, points: int) -> Array:

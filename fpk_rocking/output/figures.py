@@ -93,7 +93,7 @@ def _message(results, compared):
 
 
 def _noise(result):
-    """Name the noise of a `SurvivalResult`; a note below the panels says what a density has in its place."""
+    """Return a text that names the noise of a `SurvivalResult`; a note below the panels says what a density has."""
     return "noise replaced, see below" if result.noise_replacement else noise_text(result.scene.noise)
 
 
@@ -233,12 +233,12 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
 
 
 def _row_name(result: SurvivalResult) -> str:
-    """Return the name of a row of panels: the engine, its size, and whether it has the noise of the scene."""
+    """Return the name (str, of several lines) of a row of panels: engine, its size, and whether noise was replaced."""
     return result.label.replace(", ", "\n") + "\nnoise replaced" * bool(result.noise_replacement)
 
 
 def _bin_averages(result, cycle):
-    """Angles, velocities and, around each point, the mean density in a bin: three arrays (n, m), nondimensional.
+    """Return (angle, velocity, density), arrays (n, m), nondimensional: at points, the mean density in a bin around.
 
     `result` is a `SurvivalResult` and `cycle` its row; points are a quarter of a bin apart.
     """
@@ -308,7 +308,7 @@ def _draw_needle(axes, start, highest):
 
 
 def _surface_notes(results, columns):
-    """Lines of text below the surfaces, wrapped for a number of columns of panels.
+    """Return a list of lines of text below the surfaces, wrapped for a number of columns of panels.
 
     They tell the scene of `results` (of class `SurvivalResult`), what is drawn, and what speaks against the results.
     """
@@ -368,7 +368,7 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
 
 
 def _inner_velocities(edges, masses):
-    """Velocities (lowest, highest) between which all but a ten-thousandth of the masses (n,) of bins lies.
+    """Return velocities (lowest, highest) between which all but a ten-thousandth of the masses (n,) of bins lies.
 
     `edges` (n + 1,) are those of the bins, nondimensional.
     """
@@ -378,14 +378,17 @@ def _inner_velocities(edges, masses):
 
 
 def _heading(result, cycle):
-    """Time, survival and overturned probabilities of a row (`cycle`) of a `SurvivalResult`, a text above its map."""
+    """Return time, survival and overturned probabilities of row `cycle` of a `SurvivalResult`, as a text of 2 lines."""
     left, right = np.asarray(result.overturned)[cycle]
     when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
     return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
 
 
 def _map_notes(results):
-    """Tuple of the note below the maps: the scene of `results`, what is drawn, and what speaks against the results."""
+    """Return a tuple of one text, the note below the maps of `results`, each a `SurvivalResult`.
+
+    It tells the scene, what is drawn, and what speaks against the results.
+    """
     drawn = (
         "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
         "right the panels end at the cut-off."

@@ -32,7 +32,7 @@ _HERE = pathlib.Path(__file__).parent
 
 
 def write_report(path, result, values, sentences=(), films=(), scenes=()):
-    """Write a report, whole or not at all.
+    """Write a report as an HTML file, whole or not at all.
 
     Parameters
     ----------
@@ -79,7 +79,9 @@ def write_page(path, title, parts):
     Parameters
     ----------
     path : path
+        File to write.
     title : str
+        A plain text.
     parts : sequence of str
         HTML of what stands below the title.
     """
@@ -97,7 +99,7 @@ def _without_samples(scene):
 
 
 def _units(scenes):
-    """Sentence on the units of all numbers of some scenes (a sequence of `Scene`) that name none."""
+    """Return sentences on the units of numbers of some scenes (a sequence of `Scene`) beside which no unit stands."""
     units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
     sizes = list(dict.fromkeys(scene.block.size for scene in scenes if scene.block.size is not None))
     if len(sizes) != 1:
@@ -107,7 +109,10 @@ def _units(scenes):
 
 
 def left_out(scenes, *, scatter=True):
-    """Sentence on the effects that the model neglects for some scenes; scatter of restitution unless it was drawn."""
+    """Return a text on the effects that the model leaves out for `scenes`, a sequence of `Scene`.
+
+    `scatter`: whether that of restitution is among them, as it is unless it was drawn.
+    """
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
     bodies = all(scene.block.body is not None for scene in scenes)
@@ -119,7 +124,7 @@ def left_out(scenes, *, scatter=True):
 
 
 def table_html(columns):
-    """Return an element of HTML: the table of `columns`, a dict of sequences (n,) by name.
+    """Return an element of HTML (str): the table of `columns`, a dict of sequences (n,) by name.
 
     Those that are empty or unknown throughout are left out.
     """
@@ -137,7 +142,7 @@ def table_html(columns):
 
 
 def _column_label(name):
-    """Return the name of a column, which may end with its unit as in "_m_per_s", as the head of a table."""
+    """Return the head (str) of a column `name`, which may end with its unit: "pgv, m/s" for "pgv_m_per_s"."""
     units = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
     ending = next((ending for ending in units if name.endswith(ending)), "")
     words = "time τ" if name == "time" else name.removesuffix(ending).replace("_", " ")
@@ -145,14 +150,14 @@ def _column_label(name):
 
 
 def _text(value):
-    """Value of a table, a number or a text, as text; empty where it is not finite."""
+    """Return a `value` of a table, a number or a text, as a text; empty for a float that is not finite."""
     if isinstance(value, float):
         return f"{value:.6g}" if np.isfinite(value) else ""
     return str(value)
 
 
 def json_html(name, values):
-    """Return an element of HTML with the id `name` that holds plain values as JSON.
+    """Return an element of HTML (str) with the id `name` that holds plain `values` as JSON.
 
     "<" is written so that no text of theirs can end the element.
     """

@@ -21,7 +21,7 @@ from fpk_rocking.results.remarks import noise_text
 def show(title, table, sentences):
     """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide.
 
-    `table` is of rich, and `sentences` a sequence of text.
+    `title` is a text, `table` a `rich.table.Table`, and `sentences` a sequence of texts.
     """
     console = Console(highlight=False)
     if not console.is_terminal:
@@ -33,7 +33,7 @@ def show(title, table, sentences):
 
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences of a `SurvivalResult`.
+    """Return (title, table, sentences) of a `SurvivalResult`: a text, a `rich.table.Table`, and a tuple of texts.
 
     The table has survival and overturned probability after each cycle or time.
     """
@@ -59,7 +59,10 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences for a `Probability`, row by row."""
+    """Return (title, table, sentences) of a `Probability`: a text, a `rich.table.Table`, and a tuple of texts.
+
+    The table has a row for each cycle or time.
+    """
     columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
     if answer.cycles is not None and answer.time_s is not None:
         columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
@@ -137,12 +140,12 @@ def _compared(comparisons, place, cycle):
 
 
 def verdict_first(trust, *sentences) -> tuple[str, ...]:
-    """Return the verdict of a `Trust` as text, and below it those sentences that are no reason of it, as a tuple."""
+    """Return a tuple of texts: the verdict of a `Trust`, then those of `sentences` that are no reason of it."""
     return str(trust), *(sentence for sentence in sentences if sentence not in trust.reasons)
 
 
 def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
-    """Return a table of texts below the names of its columns, with a line between groups of rows.
+    """Return a `rich.table.Table` of texts below the names of its columns, with a line between groups of rows.
 
     A row is a sequence of as many texts as names. The column "result" stands to the left, "95 %", "95 % interval" and
     "± estimate" in the middle, all others to the right.
@@ -159,7 +162,7 @@ def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
 
 
 def _sizes(comparisons) -> list[str]:
-    """Sizes of the samples in a sequence of `Comparison`, as a list of at most one sentence."""
+    """Return the sizes of the samples in a sequence of `Comparison`, as a list of at most one sentence."""
     sizes = {
         name: size
         for compared in comparisons
@@ -170,7 +173,7 @@ def _sizes(comparisons) -> list[str]:
 
 
 def _melnikov(comparisons) -> str:
-    """Sentence with the figures of the Melnikov process for each noise among the results of a sequence of `Comparison`.
+    """Return a sentence with the figures of the Melnikov process for each noise in a sequence of `Comparison`.
 
     It is empty where they are not defined.
     """
@@ -193,9 +196,9 @@ def _melnikov(comparisons) -> str:
 
 
 def _survival_cells(compared, cycle, which):
-    """Engine, survival and 95 % interval, as texts, of one of the two results of a `Comparison` after a cycle.
+    """Return (engine, survival, 95 % interval), texts, of one of the two results of a `Comparison` after a cycle.
 
-    `which` is 0 for the first result, and 1 for the second.
+    `which` is 0 for the first result, and 1 for the second; the interval is empty for a density.
     """
     limits = compared.interval[cycle, which]
     text = "" if math.isnan(limits[0]) else _limits(limits, 4)
@@ -203,7 +206,7 @@ def _survival_cells(compared, cycle, which):
 
 
 def _limits(limits, digits) -> str:
-    """Write two limits, a pair of numbers, with some digits (int) behind the point."""
+    """Return two limits, a pair of numbers, as a text with a number of `digits` behind the point."""
     return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"
 
 

@@ -104,7 +104,7 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
 
 
 def _mesh_of_row(result, cycle):
-    """Mesh of meshio with the density of a row (`cycle`) of a `SurvivalResult`.
+    """Return a `meshio.Mesh` with the density of a row (`cycle`) of a `SurvivalResult`.
 
     It is the density of the solver, a histogram of a sample, or the cell of a point start.
     """
@@ -115,7 +115,7 @@ def _mesh_of_row(result, cycle):
 
 
 def _mesh_of_density(law):
-    """Mesh of meshio of a `Density`, with point values and cell means.
+    """Return a `meshio.Mesh` of a `Density`, with point values and cell means.
 
     Elements are cut into as many pieces a side as its degree.
     """
@@ -130,7 +130,7 @@ def _mesh_of_density(law):
 
 
 def _mesh_of_histogram(sample, row):
-    """Mesh of meshio of the bins `joint_edges` of a sample, a `SurvivalResult`, at a row.
+    """Return a `meshio.Mesh` of the bins `joint_edges` of a sample, a `SurvivalResult`, at a row.
 
     It has the density at points and cells, and the probability in cells.
     """
@@ -143,7 +143,7 @@ def _mesh_of_histogram(sample, row):
 
 
 def _mesh_of_lattices(angle, velocity, values, probability):
-    """Mesh of meshio of separate lattices, one an element, with n_angle by n_velocity elements of n by n points.
+    """Return a `meshio.Mesh` of separate lattices, one an element: n_angle by n_velocity elements of n by n points.
 
     Lines `angle` (n_angle, n) and `velocity` (n_velocity, n); densities at points, `values` (n_angle, n_velocity, n,
     n); `probability` (n_angle, n_velocity, n - 1, n - 1) in cells.
@@ -161,7 +161,7 @@ def _mesh_of_lattices(angle, velocity, values, probability):
 
 
 def _lattice_mesh(angle, velocity):
-    """Points (p, 3) and quadrilaterals (q, 4), as indices of points, of separate lattices, one an element.
+    """Return points (p, 3) and quadrilaterals (q, 4), as indices of points, of separate lattices, one an element.
 
     Lines `angle` (n_angle, n) and `velocity` (n_velocity, n) are those of n_angle by n_velocity elements.
     """
@@ -175,7 +175,7 @@ def _lattice_mesh(angle, velocity):
 
 
 def _mesh_of_point(scene):
-    """Mesh of meshio, empty but for one vertex of probability 1, for a scene whose start is a point."""
+    """Return a `meshio.Mesh`, empty but for one vertex of probability 1, for a scene whose start is a point."""
     cut_off, bound = scene.overturning.angle, joint_edges(scene)[1][-1]
     corners = [
         corner
@@ -190,7 +190,7 @@ def _mesh_of_point(scene):
 
 
 def _meshio_mesh(points, cells, values, cell_data):
-    """Mesh of meshio with the density `values` (p,) at the points (p, 3) and fields of the cells.
+    """Return a `meshio.Mesh` with the density `values` (p,) at the points (p, 3) and fields of the cells.
 
     `cells` is a list of (type, indices of points), and `cell_data` a dict of a list of arrays, one for each type.
     """
@@ -200,7 +200,7 @@ def _meshio_mesh(points, cells, values, cell_data):
 
 
 def _field_values(result, cycle) -> dict[str, float]:
-    """Numbers of a row (`cycle`) of a `SurvivalResult` that are the field data of its file, by name."""
+    """Return the numbers, by name, of a row (`cycle`) of a `SurvivalResult` that are the field data of its file."""
     left, right = result.overturned[cycle]
     fields = {} if result.realizations else {"negative_mass": result.negative_mass}
     return fields | {
@@ -227,7 +227,7 @@ def _write_mesh(file, mesh, fields):
 
 
 def _field_data(fields) -> str:
-    """Return `fields`, numbers by name, as the XML element of field data."""
+    """Return `fields`, numbers by name, as the XML element of field data (str)."""
     head = '<DataArray type="Float64" NumberOfTuples="1" format="ascii"'
     arrays = (f'{head} Name="{name}">{float(value)!r}</DataArray>' for name, value in fields.items())
     return f"<FieldData>{''.join(arrays)}</FieldData>"

@@ -24,7 +24,7 @@ PARTS = 20
 
 
 def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | None = None) -> Array:
-    """Return the times (n + 1,) of a result, the first 0.
+    """Return the times τ (n + 1,) of a result, nondimensional, the first 0.
 
     Parameters
     ----------
@@ -38,6 +38,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
     Returns
     -------
     ndarray, shape (n + 1,)
+        Ascending: n cycles or n times after the 0.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
 
 
 def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
-    """Return the edges of bins as floats.
+    """Return the edges of bins as an array of float (n + 1,), after a check.
 
     Parameters
     ----------
@@ -91,7 +92,7 @@ def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
 
 
 def centred_edges(low: float, high: float, count: int) -> Array:
-    """Edges (n,) of equal bins that cover the interval from `low` to `high`, `count` of them as wide as it.
+    """Return the edges (n,) of equal bins that cover the interval from `low` to `high`, `count` of them as wide as it.
 
     0, where blocks rest, is amid a bin.
     """
@@ -100,7 +101,7 @@ def centred_edges(low: float, high: float, count: int) -> Array:
 
 
 def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Bin edges of width 0.1 that cover the angles up to the cut-off and the velocities that can be expected there.
+    """Return edges of bins of width 0.1 over angles up to the cut-off and the velocities that can be expected there.
 
     x = 0 and v = 0 are edges. The velocity bound is derived for long flights: with s the side and B the forcing's swing
     (A/sqrt(1+Ω²) of a harmonic one), the amplitude of the driven relaxation, w = v - x obeys dw/dτ = -w - s + f. On the
@@ -116,7 +117,7 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
     Returns
     -------
-    angle_edges, velocity_edges : ndarray
+    angle_edges, velocity_edges : ndarray, shapes (n + 1,) and (m + 1,)
         Nondimensional, symmetric about 0. The main scene has 32 bins on [-1.6, 1.6] and 64 on [-3.2, 3.2].
     """
     cut_off = scene.overturning.angle
@@ -132,6 +133,6 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _edges(bound) -> np.ndarray:
-    """Edges (n,) of bins of width 0.1 from -bound to bound, which is rounded up."""
+    """Return the edges (n,) of bins of width 0.1 from -bound to `bound` (float), which is rounded up to a tenth."""
     half = math.ceil(round(bound * 10, 9))
     return np.arange(-half, half + 1) / 10

@@ -42,7 +42,10 @@ _SETTINGS = {
 
 @contextlib.contextmanager
 def drawing() -> Iterator[Callable[..., Any]]:
-    """Yield matplotlib's figure class with the project's settings in force; no window system is used."""
+    """Yield a function that makes matplotlib figures, with the project's settings in force; no window system is used.
+
+    It takes the arguments of ``matplotlib.figure.Figure`` and returns one.
+    """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -59,7 +62,7 @@ def drawing() -> Iterator[Callable[..., Any]]:
 
 @contextlib.contextmanager
 def page(path: File, size: tuple[float, float], title: str, notes: Iterable[str] = ()) -> Iterator[Any]:
-    """Yield a figure for several panels, with a title above and notes below them; it is saved at the end.
+    """Yield a matplotlib figure for several panels, with a title above and notes below them; it is saved at the end.
 
     Parameters
     ----------
@@ -150,7 +153,7 @@ def error_bars(axes: Any, x: ArrayLike, values: ArrayLike, interval: ArrayLike, 
 
 
 def save(figure: Any, path: File) -> pathlib.Path:
-    """Write matplotlib's figure complete or not at all, its title with it; return the path.
+    """Write a matplotlib figure to a file, complete or not at all, its title with it; return the path of the file.
 
     The suffix of the path chooses the format.
     """
@@ -160,7 +163,7 @@ def save(figure: Any, path: File) -> pathlib.Path:
 
 
 def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
-    """Return a figure as an image of HTML that holds its own data.
+    """Return a figure as an <img> of HTML (str) that holds its own data, a PNG.
 
     Parameters
     ----------
@@ -168,7 +171,7 @@ def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
     meaning : str
         Text for those who do not see it.
     dots : int
-        An inch.
+        Pixels an inch.
     """
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=dots)
@@ -185,7 +188,10 @@ class PlaneUnits(NamedTuple):
 
 
 def plane_units(scene: Scene) -> PlaneUnits:
-    """Return the `PlaneUnits` of a scene: degrees and degrees/s for a block with dimensions, else nondimensional."""
+    """Return the named tuple `PlaneUnits` of a scene: degrees, degrees/s for a block with dimensions, else 1 and 1.
+
+    Its numbers turn nondimensional angles and velocities into these units.
+    """
     size = scene.block.size
     if size is None:
         return PlaneUnits()
@@ -213,14 +219,15 @@ def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
 
 
 def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[Any, Any], None]]:
-    """Return the panels, as `figure_of` takes them, of a `SurvivalResult` at a cycle (its row).
+    """Return a list of panels, functions of a figure and its axes as `figure_of` takes them, of a `SurvivalResult`.
 
+    `cycle` is the row of the bins or the density.
     `what` is "survival", "bins", "density", or None for the first two; see `SurvivalResult.plot`.
     """
     units = plane_units(result.scene)
 
     def survival(_, axes):
-        """Draw survival on matplotlib's `axes`."""
+        """Draw survival on matplotlib's `axes`; the first argument is not used."""
         survival_panel(axes, result)
 
     def bins(figure, axes):
@@ -242,12 +249,12 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
 
 
 def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> list[np.ndarray]:
-    """Bin edges for pictures: where the probability is, neither too few nor too many.
+    """Return bin edges for pictures: where the probability is, neither too few nor too many.
 
     Parameters
     ----------
     edges : pair of ndarray
-        Of bins in angle and velocity.
+        Edges of bins in angle and velocity, nondimensional.
     probabilities : ndarray, shape (angle bins, velocity bins)
     least : int
         Bins an axis that are wanted; 0 where none may be cut.
@@ -255,17 +262,17 @@ def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> lis
     Returns
     -------
     list of two ndarray
-        The edges around all but 1e-3 of the probability on each axis, a bin more on either side; cut into equal parts
-        where these are fewer than `least`, merged where they are more than 96.
+        Angle and velocity edges, around all but 1e-3 of the probability on each axis, a bin more on either side; cut
+        into equal parts where these are fewer than `least`, merged where they are more than 96.
     """
     masses = np.maximum(probabilities, 0.0)
     return [_cut_or_merged(edges[axis], masses.sum(axis=1 - axis), least) for axis in (0, 1)]
 
 
 def _cut_or_merged(edges, masses, least):
-    """Edges (m,) around most of the masses (bins,), cut into at least `least` bins or merged into at most 96.
+    """Return edges (m,) around most of the `masses` (bins,), cut into at least `least` bins or merged into at most 96.
 
-    `edges` (bins + 1,) are those of the masses.
+    `edges` (bins + 1,) are those of the masses, which are not negative.
     """
     below = np.cumsum(masses) / max(masses.sum(), np.finfo(float).tiny)
     first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
@@ -278,9 +285,10 @@ def _cut_or_merged(edges, masses, least):
 
 
 def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
-    """Return the edges, angle (n + 1,) and velocity (m + 1,), of the bins in which results are shown after some cycles.
+    """Return a list of the edges, angle (n + 1,) and velocity (m + 1,), of the bins in which results are shown.
 
-    `results` are of the class `SurvivalResult`, and `cycles` are their rows; see `shown_edges`.
+    They are nondimensional, and cover where the probability is at the rows `cycles` (a sequence of int) of all
+    `results`, of the class `SurvivalResult`; see `shown_edges`.
     """
     coarsest = min(results, key=lambda result: result.shown_bins)
     edges = coarsest.bin_edges
@@ -289,9 +297,9 @@ def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
 
 
 def survival_panel(axes: Any, *results: Any) -> None:
-    """Draw survival against cycles or times, with 95 % intervals or estimated errors as bands.
+    """Draw survival of `results` against cycles or times on `axes`, with 95 % intervals or estimated errors as bands.
 
-    `axes` are matplotlib's; `results` are of the class `SurvivalResult`.
+    `axes` are matplotlib's; each of `results` is a `SurvivalResult`. Nothing is returned.
     """
     for result, colour in zip(results, COLOURS, strict=False):
         survival, label = np.asarray(result.survival), "one path" if result.deterministic else "95 % interval"
@@ -342,10 +350,10 @@ def function_panel(
     power: float = 0.5,
     units: PlaneUnits | None = None,
 ) -> None:
-    """Draw a function of angle and velocity on a lattice between the outer edges.
+    """Draw a function of angle and velocity, sampled at 160 x 160 points between the outer edges, on `axes`.
 
-    `function` takes two arrays of one shape and returns values of that shape; `edges` are an ascending array for each
-    axis, nondimensional. The other arguments are those of `plane_panel`.
+    `function` takes two arrays of one shape, nondimensional, and returns values of that shape; `edges` are two
+    ascending arrays, of angles and velocities. The other arguments are those of `plane_panel`.
     """
     fine = [np.linspace(line[0], line[-1], 161) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
@@ -353,12 +361,16 @@ def function_panel(
 
 
 def _title(result, cycle):
-    """Time of a row of a `SurvivalResult` and survival then, as a title of a panel; `cycle` is the row."""
+    """Return the time of row `cycle` of a `SurvivalResult`, and survival then, as a text for the title of a panel."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
 
 
 def reliability_panel(axes: Any, probability: Array, observed: Array, groups: int = 8, **style: Any) -> None:
-    """Draw observed shares with 95 % intervals (Wilson) over predicted probabilities (n,), in groups of equal size."""
+    """Draw observed shares of overturning over predicted probabilities, in a number of `groups` of equal size.
+
+    `axes` are matplotlib's. `probability` (n,) is predicted, `observed` (n,) whether each block overturned; the
+    intervals are Wilson's, 95 %. `style`: options of ``axes.plot``.
+    """
     from scipy import stats
 
     look = {"color": COLOURS[0]} | style

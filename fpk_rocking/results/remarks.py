@@ -32,14 +32,14 @@ UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is
 
 
 def scene_text(scene: Scene) -> str:
-    """Return forcing, restitution, start and noise of a scene, for a note below a picture."""
+    """Return forcing, restitution, start and noise of a scene as one line of text, for a note below a picture."""
     start = f"start at ({scene.start.angle:g}, {scene.start.velocity:g})"
     restitution = scene.block.restitution_text()
     return f"{scene.forcing}, e = {restitution}, {start}, {noise_text(scene.noise)}; all nondimensional."
 
 
 def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
-    """One line that names a noise and its parameters (nondimensional).
+    """Return one line of text that names a noise and its parameters (nondimensional).
 
     Parameters
     ----------
@@ -69,7 +69,10 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
 
 
 def describe_replacement(scene: Scene, solved: Scene) -> str:
-    """Sentence on which noise, that of the scene `solved`, replaced the band noise of a scene; empty where none did."""
+    """Return a sentence on which noise replaced the band noise of `scene`; an empty text where none did.
+
+    `solved` is the scene that was solved in its place, whose noise is the other one.
+    """
     noise = scene.noise
     if noise.kind != "band" or noise == solved.noise:
         return ""
@@ -125,16 +128,20 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
 
 def scene_remarks(result: Any) -> tuple[str, ...]:
-    """Sentences about the scene of a `Result`: on noise, sliding, what replaced the noise, a corrected baseline."""
+    """Return sentences about the scene of a `Result`: on noise, sliding, what replaced the noise, a corrected baseline.
+
+    The tuple is empty where there is nothing to say.
+    """
     scene = result.scene
     replacement, baseline = getattr(result, "noise_replacement", ""), baseline_remark([scene.forcing])
     return tuple(filter(None, (scene.noise.remark, _harmonics(result), _sliding(scene.block), replacement, baseline)))
 
 
 def _harmonics(result):
-    """Say what the number of harmonics does to a probability of overturning by paths of band noise; else empty.
+    """Return sentences on what the number of harmonics does to a small probability of overturning; else an empty text.
 
-    It is said of a small probability, and of stratified frequencies only where there are not `enough_harmonics`.
+    `result`: a `Result`. They concern paths of band noise whose last probability is below `RARE`, and stratified
+    frequencies only where there are not `enough_harmonics`.
     """
     noise = result.scene.noise
     sampled = noise.kind == "band" and (getattr(result, "realizations", None) or 0) > 0 and hasattr(result, "survival")
@@ -156,7 +163,7 @@ def _harmonics(result):
 
 
 def baseline_remark(forcings: Iterable[Forcing]) -> str:
-    """Say what was removed from the baselines of records, and what this changes of PGV and PGA; else empty.
+    """Return sentences on what was removed from the baselines of records, and what this changes of PGV and PGA.
 
     Parameters
     ----------
@@ -166,6 +173,7 @@ def baseline_remark(forcings: Iterable[Forcing]) -> str:
     Returns
     -------
     str
+        Empty where no baseline was corrected.
     """
     records = [forcing for forcing in forcings if isinstance(forcing, Record) and forcing.baseline != "none"]
     records = list({(record.samples, record.interval, record.baseline): record for record in records}.values())
@@ -193,7 +201,7 @@ def baseline_remark(forcings: Iterable[Forcing]) -> str:
 
 
 def _correction(record):
-    """Name the correction of a `Record`'s baseline, with the corner of a filter in Hz."""
+    """Return the correction of a `Record`'s baseline as a text, as "linear", or "high-pass" with the corner in Hz."""
     return f"high-pass, {record.corner_hz:.3g} Hz" if record.baseline == "high-pass" else record.baseline
 
 
@@ -204,7 +212,7 @@ def _line_of(drift):
 
 
 def drifting(forcing: Forcing) -> list[Diagnostic]:
-    """List with the `Diagnostic` of a record whose velocity is that of a drift of its baseline; else an empty list.
+    """Return a list with a `Diagnostic` if a record's velocity is that of a drift of its baseline; else an empty list.
 
     `forcing` may be of any kind; no other than a record drifts.
     """
@@ -222,7 +230,7 @@ def drifting(forcing: Forcing) -> list[Diagnostic]:
 def scene_diagnostics(
     scene: Scene, noise_replacement: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
 ) -> list[Diagnostic]:
-    """Diagnostics of the model for a scene: known errors of any result for it, whatever the errors of the method.
+    """Return diagnostics of the model for a scene: known errors of any result for it, whatever those of the method.
 
     Parameters
     ----------
@@ -257,7 +265,7 @@ def _sliding(block):
 
 
 def _slender(block):
-    """List with the `Diagnostic` of a `Block` that is taken as slender in spite of its dimensions; else an empty list.
+    """Return a list with a `Diagnostic` if a `Block` is taken as slender in spite of its dimensions; else an empty one.
 
     It says by how much the moments about the corner are wrong.
     """

@@ -46,7 +46,7 @@ class Dataset(NamedTuple):
     rows: tuple[str, ...]
 
     def in_rows(self) -> Iterator[tuple[str, tuple[str, ...], Array]]:
-        """Yield name, dimensions and values of the variables in the table.
+        """Yield (name, dimensions, values) of each variable in the table: str, tuple of names, ndarray.
 
         These have at least one dimension of the rows, and no others but such as have texts for coordinates.
         """
@@ -57,7 +57,7 @@ class Dataset(NamedTuple):
                 yield name, dims, _computed(values)
 
     def table(self) -> dict[str, Array]:
-        """Columns (rows,) by name: coordinates, then variables.
+        """Return the columns of the table, a dict of arrays (rows,) by name: coordinates, then variables.
 
         Of a variable with a dimension beside the rows each label has a column, as "overturned_left"; that of an
         "x_interval" is "x_low".
@@ -78,7 +78,7 @@ class Dataset(NamedTuple):
         return columns
 
     def _labels(self, dim):
-        """List of the coordinates of a dimension, by its name, where these are texts; else an empty list."""
+        """Return a list of the coordinates of a dimension `dim`, its name, if these are texts; else an empty list."""
         labels = list(self.coordinates.get(dim, ()))
         return labels if all(isinstance(label, str) for label in labels) else []
 
@@ -132,35 +132,35 @@ class Result:
             """What this is a result of, as a line of text."""
 
         def dataset(self) -> Dataset:
-            """Return the arrays with their dimensions."""
+            """Return the `Dataset`, a named tuple of the arrays with their dimensions."""
 
         def plot(self) -> Any:
             """Draw the result; returns a matplotlib figure."""
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """All observations by which this result is judged: on the model, and error figures with their limits."""
+        """All observations by which this result is judged: on the model, then error figures with their limits."""
         tolerances = {name: getattr(self, name) for name in ("tol", "bins_tol") if hasattr(self, name)}
         return [*self.model_diagnostics(), *assess(self.error_figures, **tolerances)]
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Known errors of the model for this scene, whatever the errors of the method, as diagnostics."""
+        """Return a list of `Diagnostic`: known errors of the model for this scene, whatever those of the method."""
         return scene_diagnostics(self.scene, getattr(self, "noise_replacement", ""))
 
     @property
     def error_figures(self) -> dict[str, Any]:
-        """Error figures, numbers or arrays: the attributes that have a name in `DIAGNOSTICS` and are not None."""
+        """Error figures, numbers or arrays by name: the attributes named in `DIAGNOSTICS` that are not None."""
         values = {name: getattr(self, name, None) for name in DIAGNOSTICS}
         return {name: value for name, value in values.items() if value is not None}
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok" where no error figure has a limit; empty where there has to be one."""
+        """Reason of the verdict "ok", a sentence, if no error figure has a limit; empty where there has to be one."""
         return ""
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """Verdict with its reasons: "ok", "caution" or "do not use"."""
+        """The named tuple `Trust`: `verdict`, "ok", "caution" or "do not use", and `reasons`, sentences."""
         return verdict(self.diagnostics, self.reason_if_ok)
 
     @property
@@ -178,7 +178,7 @@ class Result:
         return tuple(dict.fromkeys((*scene_remarks(self), *observations)))
 
     def summary(self) -> dict[str, Any]:
-        """Metadata, arrays of the table by name, verdict and remarks as plain values, for JSON."""
+        """Return a dict for JSON: metadata and arrays of the table by name, "trust" (verdict, reasons), "remarks"."""
         arrays = {name: values for name, _, values in self.dataset().in_rows()}
         return plain(self.metadata | arrays | {"trust": self.trust.plain, "remarks": self.remarks})
 
@@ -188,11 +188,11 @@ class Result:
 
     @property
     def heading(self) -> str:
-        """Class and `title`."""
+        """Name of the class and `title`, as a line of text."""
         return f"{type(self).__name__}: {self.title}"
 
     def _repr_html_(self) -> str:
-        """Return the result as HTML for a notebook: title, figures, verdict and picture."""
+        """Return the result as HTML (str) for a notebook: title, figures, verdict and picture."""
         from fpk_rocking.results.pictures import picture_html
 
         rows = "".join(
@@ -238,12 +238,12 @@ class Result:
         return _optional("xarray").Dataset(*copies, about)
 
     def _figures(self):
-        """Return the single numbers and texts of the metadata."""
+        """Return a dict of the single numbers and texts among the metadata, by name."""
         return {name: value for name, value in self.metadata.items() if isinstance(value, str | int | float)}
 
 
 def _optional(name):
-    """Import pandas or xarray, by `name`, and return the module, or say how to install it."""
+    """Import pandas or xarray, by `name`, and return the module; ModuleNotFoundError says how to install it."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -254,14 +254,15 @@ def _optional(name):
 
 
 def _pair(name, variable):
-    """Return the pair (dimensions, values) of a variable, which is such a pair, or the values of a coordinate.
+    """Return (dimensions, values) of an entry `variable` of a `Dataset`: a tuple of names, and an array or a function.
 
-    A coordinate has one dimension, of its own name; dimensions are returned as a tuple of names.
+    `variable` is such a pair, dimensions being a name or a tuple of names, or the values of a coordinate, which has
+    one dimension, of its own name `name`.
     """
     dims, values = variable if isinstance(variable, tuple) else (name, variable)
     return ((dims,) if isinstance(dims, str) else dims), values
 
 
 def _computed(values):
-    """Array of a variable, whose values are an array or a function without arguments that computes it."""
+    """Return the array of `values`, which are an array or a function without arguments that computes it."""
     return values() if callable(values) else values

@@ -16,7 +16,7 @@ __all__ = ["angle_of_fall", "return_diagnostics"]
 
 
 def angle_of_fall(scene: Scene) -> float | None:
-    """Angle at which the block of a scene lies flat, 90 degrees, in critical angles.
+    """Return the angle at which the block of a scene lies flat, 90 degrees, nondimensional (in critical angles).
 
     None where the critical angle is unknown, or where overturning is at another angle than the default, or not before
     the fall.
@@ -27,7 +27,7 @@ def angle_of_fall(scene: Scene) -> float | None:
 
 
 def return_diagnostics(scene: Scene, overturned: float, error: float, returns: Array) -> list[Diagnostic]:
-    """List with the `Diagnostic` of blocks that come back, where they change a probability by more than its error.
+    """Return a list with a `Diagnostic` if blocks that come back change a probability by more than its error.
 
     Parameters
     ----------

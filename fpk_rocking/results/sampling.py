@@ -23,14 +23,14 @@ from fpk_rocking.results.trust import REPLACED
 
 
 def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.95) -> Array:
-    """Confidence interval of a probability from a count (E. B. Wilson, J. Am. Stat. Assoc. 22, 209-212, 1927).
+    """Return confidence limits of a probability from a count (E. B. Wilson, J. Am. Stat. Assoc. 22, 209-212, 1927).
 
     Parameters
     ----------
-    successes : array_like of int
+    successes : array_like of int, shape (...)
         Counts.
-    trials : int or array_like
-        Size of the sample.
+    trials : int or ndarray, shape (...)
+        Size of the sample, or of each.
     level : float
         Confidence of each interval, in (0, 1).
 
@@ -53,21 +53,21 @@ def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.
 
 
 def l1(first: ArrayLike, second: ArrayLike) -> float:
-    """Sum of absolute differences of two arrays (...) of bin probabilities, between 0 and 2."""
+    """Return the sum of absolute differences of two arrays of bin probabilities, of one shape: from 0 to 2."""
     return float(np.abs(np.asarray(first) - np.asarray(second)).sum())
 
 
 def hellinger(first: Array, second: Array) -> float:
-    """Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of two arrays (...) of bin probabilities, from 0 to 1.
+    """Return the Hellinger distance ``sqrt(1/2 sum (sqrt p - sqrt q)^2)`` of two arrays of bin probabilities, 0 to 1.
 
-    A negative bin, the undershoot of a density, counts as zero here; `l1` takes it as it is.
+    They have one shape. A negative bin, the undershoot of a density, counts as zero here; `l1` takes it as it is.
     """
     roots = [np.sqrt(np.maximum(values, 0.0)) for values in (first, second)]
     return float(np.sqrt(0.5 * np.square(roots[0] - roots[1]).sum()))
 
 
 def pooled(first: ArrayLike, second: ArrayLike, first_size: float, second_size: float) -> np.ndarray:
-    """Best estimate of a probability that two results share: the exact one, or the mean weighted by sample size.
+    """Return the best estimate of probabilities that two results share: the exact ones, or means by sample size.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def pooled(first: ArrayLike, second: ArrayLike, first_size: float, second_size: 
     Returns
     -------
     ndarray
-        Probabilities within [0, 1]. Two exact results are averaged.
+        Probabilities within [0, 1], of that shape. Two exact results are averaged.
     """
     if math.isinf(first_size) or math.isinf(second_size):
         weight = float(math.isinf(first_size)) / (math.isinf(first_size) + math.isinf(second_size))
@@ -139,14 +139,14 @@ def hellinger_floor(probabilities: ArrayLike, first_size: float, second_size: fl
 
 
 def _mean_root(p, size) -> np.ndarray:
-    """E sqrt(count/size) (n,) in bins of probability p (n,), for a sample size, which may be ``math.inf``."""
+    """Return E sqrt(count/size) (n,) of bins of probability p (n,), for a sample `size`, which may be ``math.inf``."""
     if math.isinf(size):
         return np.sqrt(p)
     return np.sqrt(p) - (1.0 - p) * _root_deficit(p * size) / math.sqrt(size)
 
 
 def _root_deficit(mean) -> np.ndarray:
-    """sqrt(mean) - E sqrt(count) (n,) of Poisson counts with the means `mean` (n,).
+    """Return sqrt(mean) - E sqrt(count), (n,), of Poisson counts with the means `mean` (n,).
 
     It is summed up to a mean of 30, and follows from its asymptotic series above.
     """
@@ -200,7 +200,7 @@ class Replacement:
     wall_s: float
 
     def total(self, numerics: float) -> Array:
-        """Whole errors of the density's probabilities: numerics + |difference| + sampling error.
+        """Return total errors of the density's probabilities: numerics + |difference| + sampling error.
 
         Parameters
         ----------
@@ -217,7 +217,7 @@ class Replacement:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Everything as plain values by name, for JSON."""
+        """A dict of all fields by name as plain values, for JSON, and "columns", the names of the columns."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return plain(values | {"columns": ["survival", "overturned left", "overturned right"]})
 
@@ -235,6 +235,8 @@ def measured(density: Any, paths: Any) -> Replacement:
     Returns
     -------
     Replacement
+        `difference` and `sampling_error`, (rows, 3) of survival, overturned to the left and to the right, and the size
+        of the sample.
 
     Raises
     ------
@@ -255,7 +257,7 @@ def measured(density: Any, paths: Any) -> Replacement:
 
 
 def check_remarks(density: Any) -> Iterator[str]:
-    """Sentences about a measured replacement: how it was measured and, where its error is large, why and what helps.
+    """Yield sentences about a measured replacement: how it was measured and, where its error is large, what helps.
 
     Parameters
     ----------
@@ -299,5 +301,5 @@ def check_remarks(density: Any) -> Iterator[str]:
 
 
 def _probabilities(result):
-    """Survival, overturned to the left and to the right of a `SurvivalResult` as columns (rows, 3)."""
+    """Return an array (rows, 3) of a `SurvivalResult`: columns survival, overturned to the left and to the right."""
     return np.column_stack([result.survival, result.overturned])

@@ -113,27 +113,27 @@ class Saved:
 
 
 def result_kind(path: File) -> str:
-    """Return the kind of the saved result at a path; raises as `Saved.load`."""
+    """Return the kind (str, as "ensemble") of the saved result in the file at a path; raises as `Saved.load`."""
     with _opened(path) as (header, _):
         return header["kind"]
 
 
 def _fields(cls):
-    """Names and annotations, a list of pairs, of the fields of a dataclass or a NamedTuple."""
+    """Return a list of pairs (name, annotation) of the fields of a dataclass or a NamedTuple `cls`."""
     hints = typing.get_type_hints(cls, include_extras=True)
     names = cls._fields if hasattr(cls, "_fields") else [field.name for field in dataclasses.fields(cls)]
     return [(name, hints[name]) for name in names]
 
 
 def _form(annotation):
-    """Text of dtype and lengths of an annotated array, as in "f8 n k+1"; None of any other annotation."""
+    """Return the text of dtype and lengths of an annotated array, as in "f8 n k+1"; None for any other annotation."""
     return annotation.__metadata__[0] if typing.get_origin(annotation) is typing.Annotated else None
 
 
 def _nested(annotation):
-    """Class of an annotation that has fields of its own, and whether None is allowed (bool), as a pair.
+    """Return (class, whether None is allowed) of an annotation by a class with fields of its own; None for any other.
 
-    None of any other annotation.
+    Such a class is a NamedTuple or a dataclass.
     """
     options = [option for option in typing.get_args(annotation) if option is not type(None)]
     cls = options[0] if len(options) == 1 else annotation
@@ -141,7 +141,7 @@ def _nested(annotation):
 
 
 def _take_apart(result, prefix, arrays, attributes, scenes):
-    """Collect what a result holds by the names that it has in a file, which begin with `prefix`.
+    """Collect what a result holds by the names that it has in a file, which begin with `prefix`; return None.
 
     Arrays are put into the dict `arrays`, plain values into the dict `attributes`, and scenes into the list `scenes`.
     """
@@ -158,7 +158,7 @@ def _take_apart(result, prefix, arrays, attributes, scenes):
 
 
 def _build(cls, prefix, parts, scenes, lengths):
-    """Make an object of a class from what `_take_apart` collected, which is taken out of `parts`.
+    """Return an object of the class `cls` made of what `_take_apart` collected, which is taken out of `parts`.
 
     `prefix` begins the names in `parts`, a dict of arrays and attributes; `scenes` is the list of all scenes, and
     `lengths` the dict of the lengths of letters, which is added to.
@@ -182,7 +182,7 @@ def _build(cls, prefix, parts, scenes, lengths):
 
 
 def _check(name, value, annotation, lengths):
-    """Raise ValueError where a value, an array or an attribute, is not as its annotation says.
+    """Raise ValueError where a value, an array or an attribute, is not as its annotation says; else return None.
 
     `name` is for the message, and `lengths` the dict of the lengths of letters, which is added to.
     """
@@ -201,7 +201,7 @@ def _check(name, value, annotation, lengths):
 
 
 def _fits(length, dim, lengths):
-    """Whether an array's length is as stated by the text `dim`, such as "2", "n" or "20k+1".
+    """Whether the `length` (int) of an axis of an array is as stated by the text `dim`, such as "2", "n" or "20k+1".
 
     `lengths` is the dict of the lengths of letters; a letter's first length is kept there.
     """
@@ -214,7 +214,7 @@ def _fits(length, dim, lengths):
 
 @contextlib.contextmanager
 def _opened(path):
-    """Open the result file at a path as (header, archive): what `_header` returns, and a `zipfile.ZipFile`."""
+    """Open the result file at a path and yield (header, archive): a dict, see `_header`, and a `zipfile.ZipFile`."""
     try:
         file = checks.path("path", path).open("rb")
     except FileNotFoundError:

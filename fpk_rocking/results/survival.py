@@ -32,18 +32,18 @@ class RowResult(Result):
 
     @property
     def time_s(self) -> Array | None:
-        """Times of the rows in seconds; None where the size of the block is unknown."""
+        """Times of the rows in seconds, shape (rows,); None where the size of the block is unknown."""
         size = self.scene.block.size
         return None if size is None else size.seconds(np.asarray(self.times))
 
     @property
     def row_label(self) -> str:
-        """What the rows are counted in, for axes and tables."""
+        """What the rows are counted in, for axes and tables: "forcing cycles", "time, s" or "time τ"."""
         return "forcing cycles" if self.cycles is not None else "time τ" if self.time_s is None else "time, s"
 
     @property
     def row_values(self) -> Array:
-        """Rows as `row_label` counts them: whole cycles; else times in seconds, without a size of the block in τ."""
+        """Rows as `row_label` counts them, (rows,): whole cycles; else times, in seconds or, without a size, in τ."""
         if self.cycles is not None:
             return np.arange(len(self.times))
         return np.asarray(self.times) if self.time_s is None else self.time_s
@@ -148,7 +148,7 @@ class SurvivalResult(RowResult):
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:
-        """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
+        """Edges of the bins in pictures and tables: angles (n + 1,) and velocities (m + 1,), nondimensional."""
         return joint_edges(self.scene)
 
     @property
@@ -174,17 +174,20 @@ class SurvivalResult(RowResult):
         return f"{self.label}, survival {error} after {until}"
 
     def summary(self) -> dict[str, Any]:
-        """Noise, number of cycles or times, and all of `Result.summary` as plain values, for JSON."""
+        """Return a dict for JSON: "noise", "cycles" (their number) or "times" (τ), and all of `Result.summary`."""
         rows = {"times": np.asarray(self.times).tolist()} if self.cycles is None else {"cycles": int(self.cycles)}
         return {"noise": noise_text(self.scene.noise)} | rows | super().summary()
 
     def dataset(self) -> Dataset:
-        """Survival, its interval if it has one, overturned to either side, and binned probabilities over the times."""
+        """Return the `Dataset` (named arrays) of survival, its interval if any, overturned, and binned probabilities.
+
+        A row of its table is a time.
+        """
         edges, rows = self.bin_edges, len(self.times)
         angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
 
         def bins():
-            """Binned probabilities (time, angle bins, velocity bins)."""
+            """Return the binned probabilities, an array (times, angle bins, velocity bins)."""
             return np.array([self.bin_probabilities(row, *edges) for row in range(rows)])
 
         return Dataset(
@@ -207,12 +210,12 @@ class SurvivalResult(RowResult):
         )
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Probability of standing, with angle and velocity in each of some bins.
+        """Return the probability of standing with angle and velocity in each of some bins.
 
         Parameters
         ----------
         cycle : int
-            From 0 to ``cycles``.
+            Number of the row: of the cycle, from 0 to ``cycles``, or of one of the ``times``.
         angle_edges, velocity_edges : array_like
             Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`. Of a `Tally` they have to be
             among the edges that were counted.

@@ -68,7 +68,7 @@ class Diagnostic(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """What diagnostics of one kind share: the name, or the message where there is none."""
+        """Text that diagnostics of one kind share: the name, or the message where there is none."""
         return self.name or self.message
 
 
@@ -100,7 +100,7 @@ class Trust(NamedTuple):
 
     @property
     def plain(self) -> dict[str, Any]:
-        """Verdict and reasons as a dict, for JSON."""
+        """A dict for JSON: "verdict", a text, and "reasons", a list of texts."""
         return {"verdict": self.verdict, "reasons": list(self.reasons)}
 
     @property
@@ -112,7 +112,7 @@ class Trust(NamedTuple):
 
 
 def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
-    """Verdict that follows from diagnostics: the largest severity, with the messages of all that speak against.
+    """Return the verdict that follows from diagnostics: the largest severity, with the messages that speak against.
 
     Parameters
     ----------
@@ -124,6 +124,7 @@ def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
     Returns
     -------
     Trust
+        Named tuple: `verdict`, "ok", "caution" or "do not use", and `reasons`, a tuple of sentences.
     """
     diagnostics = list(dict.fromkeys(diagnostics))
     judged = [diagnostic for diagnostic in diagnostics if diagnostic.value is not None and diagnostic.message]
@@ -172,16 +173,16 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
 
 
 def _beside(value, limit):
-    """Value as text, with the two to six digits that distinguish it from a limit; both are floats."""
+    """Return `value` as a text, with the two to six digits that distinguish it from `limit`; both are floats."""
     texts = (f"{value:.{digits}g}" for digits in range(2, 7))
     return next((text for text in texts if float(text) != limit), f"{value:.2g}")
 
 
 def _limits(tol, bins_tol, values=()):
-    """Return description, limit of "ok" and limit of "caution" of each error figure, by its name.
+    """Return a dict of (description, limit of "ok", limit of "caution") by the name of each error figure.
 
-    `tol` and `bins_tol` are the wanted errors of survival and of the binned density, `values` the figures that there
-    are.
+    The description is a text, the limits are floats, inf for none. `tol` and `bins_tol` are the wanted errors of
+    survival and of the binned density, `values` a dict of the figures that there are, numbers or arrays by name.
     """
     useless, never = max(USELESS, tol), (math.inf, math.inf)
     below = "integral of the density where it is below 0"

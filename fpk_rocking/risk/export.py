@@ -140,7 +140,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
 
 
 def _same(curves):
-    """Return curves as a list, or refuse those of several measures or intensities."""
+    """Return `curves`, of class `IntensityCurve`, as a list; ValueError if their measures or intensities differ."""
     curves = list(curves)
     if not curves:
         raise ValueError(checks.refusal("curves", curves, "at least one"))
@@ -151,7 +151,10 @@ def _same(curves):
 
 
 def _distribution(curve):
-    """Return intensities and probabilities that rise strictly from 0 to 1, as pelicun wants them."""
+    """Return (intensities, probabilities), (n,) each, of an `IntensityCurve`, as pelicun wants them.
+
+    The probabilities rise strictly from 0 to the last of the curve.
+    """
     # Without shaking no block overturns.
     x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
     rises = np.diff(y) > 0.0
@@ -160,7 +163,7 @@ def _distribution(curve):
 
 
 def not_for_pelicun(curve: IntensityCurve) -> str:
-    """Return why pelicun could not take a curve.
+    """Return why pelicun could not take a curve, as a text.
 
     Parameters
     ----------
@@ -178,7 +181,7 @@ def not_for_pelicun(curve: IntensityCurve) -> str:
 
 
 def check_name(name: str) -> None:
-    """Refuse a name that the formats do not take.
+    """Raise ValueError for a name that the formats do not take; else return None.
 
     Parameters
     ----------
@@ -196,10 +199,10 @@ def check_name(name: str) -> None:
 
 
 def _identifier(name):
-    """Return the name of a limit state without blanks and signs."""
+    """Return the `name` of a limit state without blanks and signs, as "angle_0p5" for "|Θ| ≥ 0.5"."""
     return "_".join(re.findall(r"[A-Za-z0-9.]+", name.replace("|Θ| ≥", "angle"))).replace(".", "p")
 
 
 def _numbers(values):
-    """Return numbers with all their digits, parted by blanks."""
+    """Return numbers (n,) with all their digits, parted by blanks, as a text."""
     return " ".join(repr(float(value)) for value in values)

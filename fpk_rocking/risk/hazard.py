@@ -131,7 +131,7 @@ class Hazard:
         return f"{self.rate[0] * self.intensity[0] ** exponent:.4g} im^-{exponent:.4g}"
 
     def __call__(self, intensity: Number) -> Number:
-        """Return the annual rate at which intensities are exceeded."""
+        """Return the annual rate, 1/year, at which an `intensity`, or each of an array, is exceeded."""
         logs, slopes = np.log(self.intensity), self.exponents
         y = np.log(intensity)
         place = np.clip(np.searchsorted(logs, y) - 1, 0, slopes.size - 1)

@@ -87,7 +87,7 @@ class Risk(Result):
         return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Shares of the rate from beyond the points of hazard or fragility, where they speak against it.
+        """Return a list of `Diagnostic`: large shares of the rate from beyond the points of hazard or fragility.
 
         Above .05 there is caution, above .5 the rate is not to be used: it is then made of an extrapolation.
         """
@@ -110,7 +110,7 @@ class Risk(Result):
         ]
 
     def _other_unit(self):
-        """Ask whether the hazard is in another unit, where in that one it does not go on far beyond its points."""
+        """Return a question, whether the hazard is in another unit, where that would fit its points; else empty."""
         units = {"PGV": {"cm/s": 100.0}, "PGA": {"m/s²": STANDARD_GRAVITY, "cm/s²": 100.0 * STANDARD_GRAVITY}}
         low, high = self.hazard.intensity[[0, -1]].tolist()
         for unit, factor in units[self.curve.measure].items():
@@ -126,13 +126,13 @@ class Risk(Result):
 
     @property
     def rate_error(self) -> float:
-        """Standard error of the logarithm of the frequency, from its interval; inf where that begins at 0."""
+        """Standard error of the logarithm of the rate, from its interval; inf where that begins at 0."""
         low, high = self.interval
         return math.inf if low <= 0.0 else math.log(high / low) / (2.0 * 1.96)
 
     @property
     def sentences(self) -> list[str]:
-        """The result in words, with what its interval leaves out."""
+        """Sentences: the rate in words, with what its interval leaves out, and the messages of `model_diagnostics`."""
         sampled = " and ".join(
             ["records"] * (self.curve.records > 1)
             + ["blocks"] * bool(set(self.curve.sources) - {"noise", "record to record"})
@@ -153,7 +153,7 @@ class Risk(Result):
 
     @property
     def _periods(self):
-        """Return period and probability in 50 years as a text, or their limits where the rate is 0."""
+        """Text of the return period and the probability in 50 years, or their limits if the rate is 0; or empty."""
         if self.rate > 0.0:
             years, probability = f"{self.return_period:.4g} years", f"{self.probability():.3g}"
         elif self.interval[1] > 0.0:
@@ -182,7 +182,7 @@ class Risk(Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Rate with its limits, return period, shares from beyond the points, measure and fit, by name."""
+        """Plain values by name: rate, limits, return period, shares beyond the points, measure, median, dispersion."""
         return super().metadata | {
             "interval": self.interval,
             "return_period": self.return_period,
@@ -194,7 +194,7 @@ class Risk(Result):
         }
 
     def dataset(self) -> Dataset:
-        """Share of the rate that the intensities from `low` to `high` have, bin by bin (disaggregation)."""
+        """Return the `Dataset` of the disaggregation: share of the rate in each bin of intensity, "low" to "high"."""
         columns = {"low": self.edges[:-1], "high": self.edges[1:], "contribution": self.contribution}
         places = {"bin": np.arange(1, self.edges.size)}
         return Dataset({name: ("bin", values) for name, values in columns.items()}, places, ("bin",))
@@ -223,6 +223,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     Returns
     -------
     Risk
+        `rate`, 1/year, and its 95 % limits `interval`; shares of the rate by intensity.
 
     Examples
     --------
@@ -260,16 +261,19 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
 
 
 def _probability(curve):
-    """Return the function of the intensity whose probabilities make the rate: along the points, or that of the fit."""
+    """Return a function of intensities that gives probabilities: an `IntensityCurve`, or by its points if refined."""
     return functools.partial(curve.along, curve.probability) if curve.refined else curve
 
 
 def _by_jumps(curve, hazard, limits):
-    """Return the `Risk` of motions without noise, from the intensities at which their outcomes change."""
+    """Return the `Risk` of motions without noise, from the intensities at which their outcomes change.
+
+    `curve`: an `IntensityCurve` with `jumps`; `limits`: 95 % limits (low, high) of the population's rate, 1/year.
+    """
     signs = 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
 
     def above(intensity):
-        """Rate (r,) at which each record overturns a block at intensities above one."""
+        """Return the annual rate (r,) at which each record overturns a block at intensities above `intensity`."""
         return np.nansum(signs * hazard(np.maximum(curve.jumps, intensity)), axis=-1).mean(axis=-1)
 
     rates, lowest = above(0.0), np.nanmin(curve.jumps)
@@ -292,12 +296,12 @@ def _by_jumps(curve, hazard, limits):
 
 
 def rate_text(rate: float) -> str:
-    """Return a rate as a text of three digits."""
+    """Return a rate as a text of three digits, as "1.23e-4"."""
     return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
 
 
 def _edges(curve, hazard):
-    """Edges in ln(im) of Gauss-Legendre rules, with the points of the hazard, and those of a curve without a fit."""
+    """Return edges (n + 1,) in ln(intensity), points of `Hazard` and curve among them, of Gauss-Legendre rules."""
     steep, gentle = hazard.exponents.max(), hazard.exponents.min()
     points = np.log(hazard.intensity)
     spread = curve.tail
@@ -319,20 +323,23 @@ def _edges(curve, hazard):
 
 
 def _gauss(edges):
-    """Nodes and weights of the Gauss-Legendre rules between edges."""
+    """Return (nodes, weights), (12 n,) each, of Gauss-Legendre rules of 12 points between `edges` (n + 1,)."""
     nodes, weights = np.polynomial.legendre.leggauss(12)
     half = 0.5 * np.diff(edges)[:, None]
     return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
 
 
 def _density(probability, hazard, y):
-    """Frequency in a unit of y = ln(im): |dH| = k H dy between two points of the hazard."""
+    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability.
+
+    `probability`: a function of the intensities; `hazard`: the `Hazard` H, of exponent k between two of its points.
+    """
     place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
     return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
 
 
 def _limits(curve, hazard, edges):
-    """95 % limits of the frequency from those of the fragility, between the ends of `edges`."""
+    """Return 95 % limits (low, high) of the rate, 1/year, from those of the curve, or nan; `edges`: of `_edges`."""
     if curve.fitted and len(curve.replicates):
         low, high = np.quantile(_by_replicates(curve, hazard, edges[0], edges[-1]), [0.025, 0.975]).tolist()
         return low, high
@@ -345,7 +352,7 @@ def _limits(curve, hazard, edges):
 
 
 def _by_replicates(curve, hazard, first, last):
-    """Frequencies (b,) by the lognormal curves of the replicates, over ln(im) from `first` to `last`.
+    """Return annual rates (b,) by the b lognormal curves of the replicates, over ln(intensity) from `first` to `last`.
 
     By parts ∫ N |dH| = -[H N] + ∫ H dN, and the power law H of exponent k moves the normal density by -k β².
     """
@@ -369,7 +376,11 @@ def _by_replicates(curve, hazard, first, last):
 
 
 def _contributions(probability, hazard, y, share):
-    """Edges of 24 bins of intensity, in which all but a thousandth of the frequency lies, and its shares there."""
+    """Return (edges, shares): edges (25,) of bins of intensity with all but a thousandth of the rate; its shares (24,).
+
+    `probability`: a function of intensities; `share` (n,): parts of the rate at the nodes y = ln(intensity), (n,). Of a
+    rate of 0 it is one bin, of 0.
+    """
     total = share.sum()
     if not total > 0.0:
         return np.exp(y[[0, -1]]), np.zeros(1)
@@ -381,7 +392,10 @@ def _contributions(probability, hazard, y, share):
 
 
 def _beyond(y, share, points):
-    """Share of the frequency from outside the range of some intensities."""
+    """Return the part (float) of the rate from outside the intensities from `points[0]` to `points[-1]`.
+
+    `share` (n,): contributions to the rate at the nodes y = ln(intensity), (n,).
+    """
     outside = (y < math.log(points[0])) | (y > math.log(points[-1]))
     total = share.sum()
     return float(share[outside].sum() / total) if total > 0.0 else 0.0

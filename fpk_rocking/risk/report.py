@@ -76,7 +76,7 @@ def write_risk_report(path: File, study: Any) -> int:
 
 
 def _scatters(draws):
-    """Whether the restitution was drawn from a distribution."""
+    """Whether the restitution was drawn from a distribution, by the `Draws` of a study, or None (bool)."""
     return draws is not None and any(name.startswith("block.restitution") for name in draws.values)
 
 
@@ -89,7 +89,7 @@ def _picture(panel, meaning):
 
 
 def _hazard(risk):
-    """Yield heading, picture, and law or table of the hazard of a `Risk`, in HTML."""
+    """Yield heading, picture, and law or table of the hazard of a `Risk`, texts of HTML."""
     yield "<h2>Hazard and risk</h2>"
     yield _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard")
     measure, hazard = f"{risk.curve.measure}, {risk.curve.unit}", risk.hazard
@@ -99,7 +99,7 @@ def _hazard(risk):
 
 
 def _untitled(text, title):
-    """Return a sentence without the title of the page that it begins with."""
+    """Return a sentence `text` without the `title` of the page that it begins with, with a capital letter."""
     rest = text.removeprefix(title).lstrip(":. ")
     return rest[0].upper() + rest[1:]
 
@@ -111,7 +111,10 @@ def _without_forcing(scene):
 
 
 def _block(scene, draws):
-    """Return the sketch of the block, its figures, and what of it is uncertain."""
+    """Return a text of HTML: the sketch of the block of a scene, its figures, and what of it is uncertain.
+
+    `draws`: the `Draws` of a study, or None.
+    """
     size = scene.block.size
     if isinstance(size, Dimensions):
         own = size.width <= size.height and math.isclose(scene.block.restitution, size.restitution, rel_tol=1e-12)
@@ -133,8 +136,9 @@ def _block(scene, draws):
 
 
 def _sketch(size):
-    """Return a drawing of the block on its base with its width, height and critical angle.
+    """Return a drawing (SVG, as a text) of the block on its base with its width, height and critical angle.
 
+    `size`: `Dimensions` or `Body`.
     Of a `Body` it has corners and centre, in a rectangle of twice the centre's height.
     """
     if isinstance(size, Dimensions):
@@ -164,7 +168,7 @@ def _sketch(size):
 
 
 def _motions_text(study):
-    """Return number of motions, noise, paths and seed of a study, as sentences in HTML."""
+    """Return number of motions, noise, paths and seed of a `Study`, as sentences in HTML."""
     count, curves = len(study.motions), study.fragility
     shaken = "it is scaled with the motion" if curves.noise_scaled else "it is not scaled with the motion"
     first = study.motions[0]
@@ -191,7 +195,10 @@ def _noise(scene):
 
 
 def _motions(study):
-    """Table of the motions as they are: name, seconds, PGA, PGV, and without noise what each does."""
+    """Return a dict of columns, arrays (m,) by their heads, of the motions of a `Study` as they are.
+
+    Name, seconds, PGA, PGV, and without noise what each does.
+    """
     table, curve = study.table(), study.curve
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
@@ -211,14 +218,14 @@ def _motions(study):
 
 
 def _sources(curve):
-    """Table of the dispersion of each source."""
+    """Return the table of the dispersion of each source of an `IntensityCurve`, as a text of HTML."""
     sources, errors = curve.sources | {"all": curve.fit.dispersion}, [*curve.source_errors.values(), math.nan]
     columns = {"source": np.array(list(sources)), "dispersion": _digits(sources.values())}
     return table_html(columns | {"standard error": _digits(errors)})
 
 
 def _points(curve):
-    """Table of the points of a curve."""
+    """Return a dict of columns, arrays of texts (n,) by their heads, of the points of an `IntensityCurve`."""
     names = f"{curve.measure}, {curve.unit}", "probability", "low (95 %)", "high (95 %)", "lognormal"
     columns = curve.dataset().table().values()
     return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
@@ -252,7 +259,7 @@ def risk_figure(path: File, study: Any) -> None:
 
 
 def draw_contributions(axes: Any, risk: Any) -> None:
-    """Draw the share of the frequency that intensities have by a `Risk`, and the hazard on an axis of its own."""
+    """Draw the share of the rate that intensities have by a `Risk`, and the hazard, on matplotlib `axes`."""
     if risk.rate > 0.0:
         look = {"align": "edge", "color": pictures.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
         axes.bar(risk.edges[:-1], 100.0 * risk.contribution, np.diff(risk.edges), **look)
@@ -296,10 +303,10 @@ def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None
 
 
 def _shortened(name):
-    """Return a name with at most 32 letters: its begin and its end."""
+    """Return a `name` with at most 32 letters: of a longer one its begin and its end."""
     return name if len(name) <= 32 else f"{name[:16]}…{name[-15:]}"
 
 
 def _name(risk):
-    """Return the label of an axis of intensities."""
+    """Return the label of an axis of intensities of a `Risk`, as "PGV, m/s"."""
     return f"{risk.curve.measure}, {risk.curve.unit}"

@@ -111,7 +111,7 @@ class Study(Result):
 
     @property
     def factors(self) -> Array:
-        """Factor (r,) at which each motion overturns the block, with noise in half of the paths; inf for none."""
+        """Factor (r,) of its own strength at which each motion overturns the block, or half of paths; inf for none."""
         if self.critical is not None:
             return self.critical.factor
         own = np.array([intensity_of(scene, self.curve.measure) for scene in self.recorded])
@@ -121,7 +121,7 @@ class Study(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """What speaks against scenes, engine and records, and the error of the rate, or without a hazard of the curve.
+        """A list of `Diagnostic`: of scenes, engine, records, and the error of the rate, or without a hazard the curve.
 
         A rate does not depend on the lognormal fit where that is rejected, nor on the error of one probability.
         """
@@ -130,7 +130,7 @@ class Study(Result):
         return [*self.curve.model, *self.risk.diagnostics, *self.model_diagnostics()]
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return what speaks against the motions and the intensities.
+        """Return a list of `Diagnostic`: what speaks against the motions and the intensities.
 
         That there is one motion, that some are equal or scaled far, or that the rate still moves with more intensities.
         """
@@ -153,13 +153,13 @@ class Study(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on noise, baselines and the number of motions, and what the correction of the baselines changes."""
+        """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
         few = f"{self.curve.records} motions are few: 30 are needed to rely on the scatter between them."
         remarks = [few * (1 < self.curve.records < MANY), self._of_correction()]
         return (*self.curve.remarks, *filter(None, remarks))
 
     def _of_correction(self):
-        """Return what the correction of the baselines changes of probabilities and rate; empty without one."""
+        """Return what the correction of the baselines changes of probabilities and rate, a text; empty without one."""
         if not corrected(self.recorded):
             return ""
         if self.uncorrected is None:
@@ -212,8 +212,9 @@ class Study(Result):
         ]
 
     def dataset(self) -> Dataset:
-        """Return a row for each motion at its own scale: name, PGA and PGV, and without noise what `critical` says.
+        """Return the `Dataset` (named arrays), whose table has a row for each motion at its own scale.
 
+        Its columns are name, PGA and PGV, and without noise those of `critical`.
         Beside the table the curve, and the probability of each motion, over the intensity.
         """
         columns, curve = motion_table(self.recorded, self.critical), self.curve.dataset()
@@ -223,7 +224,7 @@ class Study(Result):
         return Dataset(variables | by_motion | curve.variables, places, ("motion",))
 
     def summary(self) -> dict[str, Any]:
-        """Return all figures as plain values, for JSON."""
+        """Return a dict for JSON: "risk", "curve", "fragility" and other parts as plain values, "trust", "remarks"."""
         parts = {
             "risk": self.risk and self.risk.summary(),
             "curve": self.curve.summary(),
@@ -248,7 +249,7 @@ class Study(Result):
 
     @property
     def not_for_pelicun(self) -> str:
-        """Why pelicun could not take the curve; empty where it can."""
+        """Why pelicun could not take the curve, as a text; empty where it can."""
         return not_for_pelicun(self.curve)
 
     def write(self, folder: File) -> None:
@@ -281,7 +282,7 @@ class Study(Result):
 
 
 def _remove_exports(folder):
-    """Remove the files for other programs that an earlier study has left in a folder, by its risk.json."""
+    """Remove the files for other programs that an earlier study has left in a `folder` (path), by its risk.json."""
     try:
         left = json.loads((folder / "risk.json").read_text(encoding="utf-8"))["exports"]
     except (OSError, ValueError, KeyError, TypeError):
@@ -293,5 +294,5 @@ def _remove_exports(folder):
 
 
 def corrected(scenes: Sequence[Scene]) -> bool:
-    """Whether the baseline of the motion of any scene is corrected."""
+    """Whether the baseline of the motion of any scene is corrected (bool)."""
     return any(getattr(scene.forcing, "baseline", "none") != "none" for scene in scenes)

@@ -98,6 +98,8 @@ def study(
     Returns
     -------
     Study
+        `curve`, an `IntensityCurve`; `risk`, the annual rate, or None without a hazard; `fragility` of each motion;
+        `write` makes files.
 
     Raises
     ------
@@ -132,7 +134,10 @@ def study(
     options: dict[str, Any] = {"realizations": realizations, "scale_noise": scale_noise, "workers": workers}
 
     def sample(scale, number, scenes=at_one):
-        """Return the `Fragility` of a round of intensities, whose samples are independent of those of other rounds."""
+        """Return the `Fragility` of scenes at intensities `scale` (n,), in a round of this `number`.
+
+        Its samples are independent of those of other rounds.
+        """
         own = {"seed": seed_of(seed, 2**32 + number) if number else seed, "store": _store_of(store, number)}
         return fragility(scenes if len(scenes) > 1 else scenes[0], scale=scale, progress=progress, **options, **own)
 
@@ -164,7 +169,10 @@ def study(
 
 
 def _store_of(store, number):
-    """Return the file that keeps the rows of a round: beside that of the first one each has its own."""
+    """Return the path of the file that keeps the rows of the round of a `number`: `store` for 0, others beside it.
+
+    None where `store` is None.
+    """
     if store is None or not number:
         return store
     path = checks.path("store", store)
@@ -172,7 +180,10 @@ def _store_of(store, number):
 
 
 def _critical(scenes, measure, curves, draws):
-    """Return the `CriticalIntensities` of a block under motions at their own scales; None with noise."""
+    """Return the `CriticalIntensities` of a block under motions, the `scenes`, at their own scales; None with noise.
+
+    `curves`: the `Fragility` of the scenes at equal intensities of the `measure`; `draws`: drawn blocks, or None.
+    """
     highest = float(curves.scale[-1])
     if curves.motions is None or draws is not None:
         return None if curves.motions is None else critical_intensities(scenes, measure=measure, highest=highest)
@@ -189,9 +200,9 @@ def refined(
     Parameters
     ----------
     sample : callable
-        `Fragility` of intensities (n,) and the number of the round.
+        Called with intensities (n,) and the number of the round; returns a `Fragility`.
     risk_of : callable
-        `Risk` of a `Fragility`.
+        Called with a `Fragility`; returns a `Risk`.
     asked : ndarray, shape (n,)
         Intensities to begin with, ascending.
 
@@ -218,8 +229,9 @@ def refined(
 
 
 def _more_intensities(risk):
-    """Intensities (n,) that part the intervals of a curve in which the rate is least known, four fifths of it in all.
+    """Return intensities (n,), ascending, amid those intervals of the curve of a `Risk` where the rate is least known.
 
+    Four fifths of what is not known is in these intervals.
     By how much: half the rise of the probability over an interval, times the rate at which it is met. Below the lowest
     point the probability may be that of it or 0. Intervals narrower than `CLOSEST` are not parted.
     """
@@ -235,7 +247,7 @@ def _more_intensities(risk):
 
 
 def _joined(first, second):
-    """Return the `Fragility` of the scales of two, of the same scenes."""
+    """Return a `Fragility` with the scales of two, `first` and `second`, of the same scenes, in ascending order."""
     scale = np.concatenate([first.scale, second.scale])
     order = np.argsort(scale)
     place = np.argsort(order)

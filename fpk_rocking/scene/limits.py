@@ -31,7 +31,7 @@ _RANGES = {
 
 
 def check(scene: Any) -> None:
-    """Refuse a scene that the engines cannot carry.
+    """Raise an error for a scene that the engines cannot carry; else return None.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def check(scene: Any) -> None:
 
 
 def _check_band(noise, frequency):
-    """Refuse a `BandNoise` beyond 1e4 or 1e5 times the forcing's `frequency`, and more than 100,000 harmonics.
+    """Raise ValueError for a `BandNoise` with frequencies above 1e4, or 1e5 `frequency`, or over 100,000 harmonics.
 
-    Frequencies are nondimensional.
+    `frequency` is that of the forcing; all are nondimensional.
     """
     highest = min(1e4, 1e5 * frequency)
     if noise.band[1] > highest:
@@ -73,7 +73,7 @@ def _check_band(noise, frequency):
 
 
 def _check_filter(noise, frequency):
-    """Refuse a `FilteredNoise` whose rates or damping double precision does not resolve, or that is far too fast.
+    """Raise ValueError for a `FilteredNoise` whose rates or damping are not resolved, or that is far too fast.
 
     Its fastest rate may be up to 1e4 times the forcing's `frequency`, nondimensional.
     """
@@ -94,7 +94,7 @@ def _check_filter(noise, frequency):
 
 
 def _check_covariance(start):
-    """Refuse a `Start` whose covariance has a variance from which no square can be taken without loss."""
+    """Raise ValueError for a `Start` with a variance beyond 1e-24 to 1e8, nondimensional; one at a point passes."""
     if start.covariance is None:
         return
     low, high = 1e-24, 1e8
@@ -105,7 +105,10 @@ def _check_covariance(start):
 
 
 def _check_bounces(scene):
-    """Refuse an elastic block that bounces so slowly that following it would not end; white noise speeds it up."""
+    """Raise ValueError for a scene with an elastic block that starts so slowly that following its bounces has no end.
+
+    That is for noise other than white, which speeds it up.
+    """
     start = scene.start
     (xx, _), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
     speed = math.hypot(abs(start.velocity) + math.sqrt(vv), math.sqrt(2.0 * (abs(start.angle) + math.sqrt(xx))))
@@ -120,7 +123,7 @@ def _check_bounces(scene):
 
 
 def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
-    """Sentences on sizes and accelerations of a scene that were hardly meant: metres for millimetres, m/s² for g.
+    """Return sentences on sizes and accelerations of a scene that were hardly meant: metres for mm, m/s² for g.
 
     Parameters
     ----------
@@ -132,7 +135,7 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     Returns
     -------
     list of str
-        Sentences.
+        Empty where nothing is implausible.
     """
     size = scene.block.size
     if size is None:
@@ -173,7 +176,7 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
 
 
 def _noise_rms(noise):
-    """Root mean square of a noise of any kind, nondimensional; inf for white noise."""
+    """Return the root mean square of a noise of any kind, nondimensional; inf for white noise."""
     if noise.kind == "white":
         return math.inf if noise.diffusion > 0.0 else 0.0
     return math.sqrt(noise.variance)

@@ -67,12 +67,12 @@ class Body(BlockSize):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the centre of mass is in the middle."""
+        """Whether the centre of mass is in the middle (bool)."""
         return self.right == self.left
 
     @property
     def critical_angles(self) -> tuple[float, float]:
-        """Critical angles α_s of the left and of the right side, radians."""
+        """Critical angles α_s, radians: (left, right)."""
         return math.atan2(self.left, self.height_of_centre), math.atan2(self.right, self.height_of_centre)
 
     @property
@@ -82,7 +82,7 @@ class Body(BlockSize):
 
     @property
     def frequency_parameters(self) -> tuple[float, float]:
-        """Frequency parameters p_s of the left and of the right side, rad/s."""
+        """Frequency parameters p_s, rad/s: (left, right)."""
         radii = (math.hypot(self.height_of_centre, distance) for distance in (self.left, self.right))
         left, right = (math.sqrt(self.gravity * radius / (self.radius_of_gyration**2 + radius**2)) for radius in radii)
         return left, right
@@ -94,19 +94,19 @@ class Body(BlockSize):
 
     @property
     def saddles(self) -> tuple[float, float]:
-        """Angles α_s/α, in critical angles, at which the body is balanced on its left and on its right corner."""
+        """Angles α_s/α, nondimensional, at which the body is balanced on a corner: (left, right)."""
         left, right = (angle / self.critical_angle for angle in self.critical_angles)
         return left, right
 
     @property
     def acceleration_scales(self) -> tuple[float, float]:
-        """Factors κ_s = (p_s/p)² of the acceleration on the left and on the right side."""
+        """Factors κ_s = (p_s/p)² of the acceleration, nondimensional: (left, right)."""
         left, right = ((rate / self.frequency_parameter) ** 2 for rate in self.frequency_parameters)
         return left, right
 
     @property
     def levers(self) -> tuple[float, float]:
-        """Distances R_s of the centre of mass from the left and from the right corner, in units of g/p²."""
+        """Distances R_s of the centre of mass from the corners, in units of g/p²: (left, right)."""
         unit = self.frequency_parameter**2 / self.gravity
         left, right = (unit * math.hypot(self.height_of_centre, distance) for distance in (self.left, self.right))
         return left, right
@@ -225,13 +225,13 @@ class Block:
 
     @property
     def restitution_by_side(self) -> tuple[float, float]:
-        """Restitution of an impact that leaves the left side, and of one that leaves the right."""
+        """Restitution of an impact that leaves the left side, and of one that leaves the right: (left, right)."""
         return (self.restitution, self.restitution) if isinstance(self.restitution, float) else self.restitution
 
     def restitution_text(self, digits: str = "g") -> str:
-        """Return the restitution as a text, "left to right 0.88, right to left 0.85" where it differs.
+        """Return the restitution as a text, "0.88", or "left to right 0.88, right to left 0.85" where it differs.
 
-        `digits` is the format of a number.
+        `digits` is the format of a number, as ".4g".
         """
         left, right = (format(value, digits) for value in self.restitution_by_side)
         return left if isinstance(self.restitution, float) else f"left to right {left}, right to left {right}"
@@ -254,9 +254,10 @@ class Block:
         return math.tan(angle) if angle > 0.0 else None
 
     def require_symmetric(self, what: str, instead: str) -> None:
-        """Raise ValueError where the sides differ.
+        """Raise ValueError where the sides differ; else return None.
 
-        `what` needs equal sides and why, as in "the density, which ...", and what to do `instead` are for the message.
+        Two texts are for the message: `what` needs equal sides and why, as "the density, which ...", and `instead`,
+        what the user may do.
         """
         if not self.symmetric:
             size, accepted = self.body, f"equal sides and one restitution for {what}; {instead}"
@@ -264,7 +265,10 @@ class Block:
 
 
 def _restitution(value, directed):
-    """Return a restitution that was checked: a float, or where impacts may be `directed` a tuple of two that differ."""
+    """Return a restitution `value` after a check: a float, or a pair (from the left, from the right) that differ.
+
+    Two are accepted where impacts may be `directed` (bool), else TypeError; ValueError outside 0 to 1.
+    """
     name = "block.restitution"
     if directed and not isinstance(value, str | bytes) and hasattr(value, "__iter__"):
         accepted = "a number, or [from the left, from the right], each from 0 to 1"
@@ -306,7 +310,10 @@ class Start:
 
 
 def _covariance(value):
-    """Return a covariance, a sequence of two rows of two numbers, as tuples of floats, or refuse what is none."""
+    """Return a covariance, a sequence of two rows of two numbers, as a tuple ((xx, xv), (xv, vv)) of floats.
+
+    TypeError or ValueError for anything else, and where it is not symmetric and positive definite.
+    """
     name = "start.covariance"
     accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
     sequence = checks.sequence(name, value, accepted)
@@ -346,14 +353,20 @@ class Overturning:
 
 
 def check_cutoff(cutoff: float, critical_angle: float) -> None:
-    """Refuse an angle of overturning, in critical angles, at which gravity would turn a block back; α is in radians."""
+    """Raise ValueError for an angle of overturning `cutoff`, in critical angles, at which gravity turns a block back.
+
+    `critical_angle`: α, radians.
+    """
     if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
         most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
         raise ValueError(checks.refusal("overturning.angle", cutoff, most))
 
 
 def size_of_block(width: Any, height: Any, gravity: Any, body: Any) -> Dimensions | Body:
-    """Return the `Dimensions` or the `Body` of `Scene.from_block`."""
+    """Return the size of a block: `Dimensions` of `width`, `height` and `gravity`, or `body` where that is a `Body`.
+
+    They are as of `Scene.from_block`: metres and m/s², or texts with a unit; ValueError for both.
+    """
     if body is None:
         return Dimensions(width, height, gravity)
     for name, value, default in (

@@ -395,7 +395,7 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
 
 
 def under_motion(scene: Scene, motion: Forcing) -> Scene:
-    """Return a scene under another forcing.
+    """Return a copy of a scene with the forcing `motion`.
 
     Where its band noise has the default number of harmonics for its own forcing, it has that for the motion.
     """

@@ -35,7 +35,7 @@ _WITH_UNITS = {"frequency": "frequency_hz", "angle": "angle_deg"} | {
 
 
 def without_units(name: str, table: dict[str, Any], size: BlockSize | None) -> dict[str, Any]:
-    """Convert the quantities with units in a table of a scene to nondimensional ones.
+    """Return a table of a scene with nondimensional quantities in place of those with units.
 
     Parameters
     ----------
@@ -50,6 +50,7 @@ def without_units(name: str, table: dict[str, Any], size: BlockSize | None) -> d
     Returns
     -------
     dict
+        A new table, with the same entries under nondimensional keys.
 
     Raises
     ------
@@ -60,7 +61,7 @@ def without_units(name: str, table: dict[str, Any], size: BlockSize | None) -> d
 
 
 def _nondimensional_value(name, key, table, size):
-    """Return the value of a key of a table (dict), converted to a nondimensional one.
+    """Return the value of the entry `key` of a table (dict), converted to a nondimensional one; ValueError if refused.
 
     `name` is the table's, and `size` the `Dimensions` or `Body` of the block, or None.
     """
@@ -83,7 +84,10 @@ def _nondimensional_value(name, key, table, size):
 
 
 def nondimensional(key: str) -> str:
-    """Return the key of the nondimensional quantity for which a key of a scene file stands; it may have a unit."""
+    """Return the key of the nondimensional quantity for which a key of a scene file stands: "band" for "band_hz".
+
+    A key without a unit is returned as it is.
+    """
     if key == "corner_hz":  # of a record, which is in seconds
         return key
     ending = next((ending for ending in _SUFFIXES if key.endswith(ending)), "")
@@ -91,7 +95,7 @@ def nondimensional(key: str) -> str:
 
 
 def _converted(name, key, value, size):
-    """Return a `value` with a unit, a number, a text or a list of such, as nondimensional numbers.
+    """Return a `value` with a unit, a number, a text or a list of such, as a nondimensional float or a list of floats.
 
     `name` is its dotted name, `key` the last part of that, and `size` the `Dimensions` or `Body` of the block.
     """
@@ -131,7 +135,7 @@ def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
 
 
 def table_of(name: str, part: Any) -> str:
-    """Return the TOML table of a part of a scene, a dataclass, without the parts that have tables of their own.
+    """Return the TOML table, as a text, of a part of a scene, a dataclass, without parts that have tables of their own.
 
     `name` is that of the table.
     """
@@ -148,12 +152,12 @@ def table_of(name: str, part: Any) -> str:
 
 
 def _read(cls):
-    """Return the reader (name, table, folder) of a table with the parameters of a dataclass, which returns one."""
+    """Return a function (name, table, folder) that makes an object of the dataclass `cls` of a table (dict)."""
     return lambda name, table, _: cls(**checks.arguments(name, table, cls))
 
 
 def _block(name, table, folder):
-    """Read the `Block` from its table (dict) and that of its dimensions or its body.
+    """Return the `Block` of a table (dict), with the table of its dimensions or its body.
 
     `name` is the table's; the folder, for files, is not used.
     """
@@ -165,14 +169,14 @@ def _block(name, table, folder):
 
 
 def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arguments)):
-    """Return the reader (name, table, folder) of a table whose key "kind" names one of several classes.
+    """Return a function (name, table, folder) that makes an object of a table (dict), of the class that "kind" names.
 
     `classes` (dict) are these by their kind, `default` is the kind where the key is missing, or None where it is
     required, and `make(cls, name, table, folder)` makes an object from the table without its kind.
     """
 
     def read(name, table, folder):
-        """Read the object of a table (dict); `name` is the table's, and files in it are relative to a folder."""
+        """Return the object of a table (dict); `name` is the table's, and files in it are relative to a folder."""
         values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
         kind = values.pop("kind", default)
         if kind is None:
@@ -185,7 +189,7 @@ def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arg
 
 
 def _noise(name, table, folder):
-    """Read a noise from its table (dict), with the tables of its envelope and filter.
+    """Return the noise of a table (dict), of one of the classes `NOISES`, with the tables of its envelope and filter.
 
     `name` is the table's; the folder, for files, is not used.
     """
@@ -225,7 +229,7 @@ def fields_of(value: Any) -> dict[str, Any]:
 
 
 def change_document(document: dict[str, Any], name: str, value: Any) -> None:
-    """Set a value in `document`, parsed TOML (dict), by its dotted name; tables that are missing are added.
+    """Set a `value` in place in `document`, parsed TOML (dict), by its dotted name; tables that are missing are added.
 
     Another form of the same quantity gives way to it.
     """
@@ -243,9 +247,11 @@ NOISE_CYCLES = 30
 
 
 def with_harmonics(scene: Any, harmonics: int | None, frequencies: str) -> Any:
-    """Return a scene, whose band noise, if its block has a size, has these `harmonics` and `frequencies`.
+    """Return a copy of a scene whose band noise has `harmonics` (their number) and `frequencies` (how they are drawn).
 
-    Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for `NOISE_CYCLES`.
+    A scene without band noise, or whose block has no size, is returned as it is. `frequencies` is "stratified" or
+    "independent". Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for
+    `NOISE_CYCLES`.
     """
     noise, forcing = scene.noise, scene.forcing
     if scene.block.size is None or noise.kind != "band":

@@ -36,7 +36,7 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\
 
 
 def in_units(name: str, value: Any, kind: str) -> Any:
-    """Read a quantity with a unit.
+    """Return a quantity in SI units (frequencies in Hz), of a number or a text with a unit.
 
     Parameters
     ----------

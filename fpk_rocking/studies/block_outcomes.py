@@ -28,7 +28,10 @@ LASTS = 10.0
 
 
 def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
-    """Return outcomes as an array of bool (count,), or refuse them; `name` is for the message."""
+    """Return outcomes, an array_like of True or False, as an array of bool (count,); ValueError for anything else.
+
+    `name` is that of the parameter, for the message.
+    """
     out = np.asarray(values)
     if out.shape != (count,) or not np.isin(out, [0, 1]).all():
         raise ValueError(checks.refusal(name, values, f"{count} outcomes, True or False, one for each motion"))
@@ -36,7 +39,7 @@ def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
 
 
 def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: float) -> Scene:
-    """Return the scene of a block under a motion: the one place that knows what the parameters of a prior mean.
+    """Return the `Scene` of a block under a motion, without noise: here it is said what the parameters of a prior mean.
 
     Parameters
     ----------
@@ -69,7 +72,11 @@ def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: fl
 def block_scenes(
     names: Sequence[str], values: Array, angles: Array, overturning: float, motions: Sequence[Record]
 ) -> list[list[Scene]]:
-    """Return scenes (k, j) of blocks under the first motion, for values (k, d) of `names` and critical angles (j,)."""
+    """Return lists (k) of lists (j) of scenes of blocks under the first of `motions`.
+
+    `values` (k, d) are those of the parameters `names` (d), as of `block_scene`; `angles` (j,): critical angles,
+    radians; `overturning`: angle of overturning, in critical angles.
+    """
     return [
         [
             block_scene(motions[0], overturning, **{SCATTERED: angle}, **dict(zip(names, row, strict=True)))
@@ -82,7 +89,10 @@ def block_scenes(
 def outcomes_of(
     blocks: Sequence[Sequence[Scene]], motions: Sequence[Record], progress: Progress | None = None
 ) -> Array:
-    """Return whether blocks, scenes (k, j) with critical angles that ascend along j, overturn under n motions.
+    """Return whether blocks overturn under n motions, as an array of bool (n, k, j).
+
+    `blocks`: lists (k) of lists (j) of scenes, whose critical angles ascend along j. `progress`: called as
+    ``progress(done, total)`` after each motion.
 
     At every other critical angle the path is followed; between two at which the block comes to different things too.
 
@@ -97,7 +107,10 @@ def outcomes_of(
         groups.setdefault(round(row[0].frequency_parameter, 9), []).append(number)
 
     def follow(number):
-        """Follow all blocks under one motion; those of equal frequency parameter share its tables."""
+        """Follow all blocks under the motion of a `number` and write to `out[number]` (k, j) which overturn.
+
+        Those of equal frequency parameter share its tables.
+        """
         for rows in groups.values():
             overturns = _follower(blocks[rows[0]][0], motions[number])
             for place in range(0, out.shape[2], 2):
@@ -116,7 +129,7 @@ def outcomes_of(
 
 
 def _follower(first, motion):
-    """Return a function of a scene that says whether its block overturns under a motion.
+    """Return a function of a `Scene` that says (bool) whether its block overturns under a `motion`, a `Record`.
 
     The blocks have the frequency parameter of that of the scene `first`.
     """
@@ -126,7 +139,7 @@ def _follower(first, motion):
     latest: dict[Any, Any] = {}
 
     def overturns(scene):
-        """Whether the block of a scene overturns."""
+        """Whether the block of a `scene` overturns under the motion (bool)."""
         size, block = scene.block.size, block_of_scene(scene)
         factor = size.amplitude(1.0) / first.block.size.amplitude(1.0)
         if factor * first.forcing.largest <= scene.block.lift_off:

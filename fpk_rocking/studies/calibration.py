@@ -71,6 +71,8 @@ def calibrated(
     Returns
     -------
     Calibration
+        `posterior`: median and 95 % limits of each parameter, by name; `predicted`: probabilities for the tests;
+        `predict` for other motions.
 
     Raises
     ------

@@ -65,16 +65,20 @@ class Capacities(NamedTuple):
 
     @classmethod
     def exact(cls, critical: ArrayLike, highest: float = math.inf, motion: ArrayLike | None = None) -> "Capacities":
-        """Return the capacities of rows without noise.
+        """Return the `Capacities` of m rows, blocks under motions, without noise: logarithms of the critical scales.
 
         Parameters
         ----------
         critical : array_like, shape (m,)
-            Scale at which each motion overturns the block; inf for one that does not up to the highest.
+            Scale at which each row overturns; inf for one that does not up to the highest.
         highest : float
             Highest scale of the search.
         motion : array_like of int, shape (m,), optional
             Number of the motion of each; by default each has its own.
+
+        Returns
+        -------
+        Capacities
         """
         logs = np.log(np.asarray(critical, float))
         stands = np.isinf(logs)
@@ -84,7 +88,7 @@ class Capacities(NamedTuple):
 
     @classmethod
     def of_jumps(cls, jumps: Array, highest: float, motion: ArrayLike) -> "Capacities":
-        """Return the capacities of rows without noise whose outcomes have been searched for.
+        """Return the `Capacities` of m rows, blocks under motions, without noise, from all scales at which they change.
 
         A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
         logarithm: the mean of the probability over the scales stays. The lowest scale of all would fall on and on as a
@@ -99,6 +103,10 @@ class Capacities(NamedTuple):
             Highest scale of the search.
         motion : array_like of int, shape (m,)
             Number of the motion of each row.
+
+        Returns
+        -------
+        Capacities
         """
         signs = 1.0 - 2.0 * (np.arange(jumps.shape[1]) % 2)
         length = np.nansum(signs * np.log(highest / jumps), axis=1)
@@ -107,7 +115,7 @@ class Capacities(NamedTuple):
 
     @classmethod
     def of(cls, scale: Array, shares: Array, trials: int, motion: ArrayLike) -> "Capacities":
-        """Return the capacities that probabilities at several scales stand for.
+        """Return the `Capacities` of m rows, blocks under motions, that probabilities at several scales stand for.
 
         Parameters
         ----------
@@ -119,6 +127,11 @@ class Capacities(NamedTuple):
         trials : int
             Size of the samples; 0 for probabilities that are not sampled.
         motion : array_like of int, shape (m,)
+            Number of the motion of each row.
+
+        Returns
+        -------
+        Capacities
         """
         logs, motion = np.log(scale), np.unique(np.asarray(motion), return_inverse=True)[1]
         size = trials or 1e18
@@ -155,23 +168,25 @@ class Capacities(NamedTuple):
 
     @property
     def complete(self) -> Array:
-        """Numbers of the motions of which a capacity lies within the scales."""
+        """Numbers of the motions of which a capacity lies within the scales, an ascending array of int."""
         return np.unique(self.motion[np.isfinite(self.error) | (np.isfinite(self.low) & np.isfinite(self.high))])
 
     def draws(self, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Draw what the population may be.
+        """Draw what the population of the motions may be, given these capacities.
 
         Parameters
         ----------
         samples : int
-        rng : Generator
+            Number of draws.
+        rng : numpy.random.Generator
 
         Returns
         -------
         population : ndarray, shape (samples, 4)
-            μ, σ_r, σ_b and β_n.
+            Of each draw: μ, the mean of the logarithms; the dispersions σ_r between motions, σ_b between blocks, and
+            β_n by noise.
         capacity : ndarray, shape (samples, m)
-            Those that go with them.
+            Logarithms of the capacities of the rows that go with them.
         """
         counts = np.bincount(self.motion)
         motions, rows, size = counts.size, self.motion.size, 1.0 / np.mean(1.0 / counts)
@@ -216,7 +231,7 @@ class Capacities(NamedTuple):
         Parameters
         ----------
         population : ndarray, shape (samples, 4)
-            Draws of what the population may be.
+            As `draws` returns it.
 
         Returns
         -------
@@ -245,12 +260,12 @@ class Capacities(NamedTuple):
             Mean over the motions at these.
         trials : int
             Size of the samples of noise; 0 where there are none.
-        rng : Generator
+        rng : numpy.random.Generator
 
         Returns
         -------
         float
-            nan where the outcomes determine no curve.
+            p-value; nan where the outcomes determine no curve.
         """
         mean_of = self.mean_of
         if not self.error.any():
@@ -271,11 +286,11 @@ class Capacities(NamedTuple):
 
     @property
     def mean_of(self) -> Array:
-        """Weights (m, r) that make means over the motions of values (..., m)."""
+        """Weights (m, r): an array (..., m) of the m rows @ these is the mean (..., r) over the rows of each motion."""
         return (self.motion[:, None] == np.arange(self.motion.max() + 1)) / np.bincount(self.motion)
 
     def parts(self, capacity: Array, drawn: Mapping[str, ArrayLike]) -> dict[str, tuple[float, float]]:
-        """Return the dispersion that each drawn value causes, and its standard error.
+        """Return (dispersion, standard error) by name of each drawn value: the dispersion that it causes.
 
         Linear regression of the capacities on the normal scores of the values, within the motions where there are
         enough blocks under each.
@@ -283,7 +298,7 @@ class Capacities(NamedTuple):
         Parameters
         ----------
         capacity : ndarray, shape (samples, m)
-            As `draws` returns them.
+            Logarithms, as `draws` returns them.
         drawn : dict of str to array_like, (m,)
             Values of the rows.
 
@@ -311,10 +326,11 @@ class Capacities(NamedTuple):
         }
 
     def _imputed(self, at, variance, exact, precision, rng):
-        """Draw capacities (samples, m) given those of other rows and what is measured; exact ones are `middle`.
+        """Return draws (samples, m) of the logarithms of the capacities, given the population and what is measured.
 
-        Before the measurement they are normal about `at` (samples, m or 1) with a variance (samples, 1). `precision`
-        (m,) is 1/error² of the estimates, `exact` (m,) whether the error is 0; all draws lie between `low` and `high`.
+        Before the measurement they are normal about `at` (samples, m or 1) with a `variance` (samples, 1). `precision`
+        (m,) is 1/error² of the estimates, `exact` (m,) whether the error is 0: those are `middle`. All draws lie
+        between `low` and `high`. `rng`: a numpy Generator.
         """
         estimated = np.isfinite(self.error)
         gain = np.where(estimated, precision * variance / (1.0 + precision * variance), 0.0)

@@ -81,7 +81,7 @@ class CriticalIntensities(Saved, Result):
 
     @property
     def unit(self) -> str:
-        """Unit of the intensity; empty for "scale"."""
+        """Unit of the intensity, "g" or "m/s"; empty for "scale"."""
         return "" if self.measure == "scale" else measure_of(self.measure).unit
 
     @functools.cached_property
@@ -98,12 +98,12 @@ class CriticalIntensities(Saved, Result):
         return self.critical / self.own
 
     def overturned(self, intensity: ArrayLike) -> Array:
-        """Whether each motion overturns the block at intensities.
+        """Return whether each motion overturns the block at each of some intensities.
 
         Parameters
         ----------
         intensity : array_like, shape (n,)
-            Up to `highest`.
+            In the unit of the measure, above 0 and up to `highest`.
 
         Returns
         -------
@@ -114,7 +114,7 @@ class CriticalIntensities(Saved, Result):
 
     @property
     def names(self) -> list[str]:
-        """Names of the motions."""
+        """Names of the motions, a list (m) of texts that differ."""
         return motion_names(self.scenes)
 
     @property
@@ -126,7 +126,7 @@ class CriticalIntensities(Saved, Result):
         )
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of the model, each once, and of motions that are scaled far."""
+        """Return a list of `Diagnostic`: on the model, each kind once, and on motions that are scaled far."""
         ranges = [(1.0, max(1.0, most)) for most in (self.highest / self.own).tolist()]
         pairs = zip(self.scenes, ranges, strict=True)
         of_scenes = {
@@ -138,23 +138,24 @@ class CriticalIntensities(Saved, Result):
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok": each path is exact."""
+        """Reason of the verdict "ok", as a sentence: each path is exact."""
         return EXACT_PATH
 
     @property
     def title(self) -> str:
-        """How many motions overturn the block, and from which intensities."""
+        """How many motions overturn the block, and the lowest intensity that does, as a line of text."""
         reached = self.critical[np.isfinite(self.critical)]
         text = f"{reached.size} of {len(self.scenes)} motions overturn the block up to {self._text(self.highest)}"
         return text + f", the first at {self._text(reached.min())}" if reached.size else text
 
     def _text(self, intensity):
-        """Return an intensity with its measure and unit."""
+        """Return an `intensity` (float) with its measure and unit as a text."""
         return f"{self.measure} {intensity:.3g} {self.unit}".rstrip()
 
     def dataset(self) -> Dataset:
-        """Return a row for each motion: own PGA, PGV and intensity, critical ones, and what it does at its own scale.
+        """Return the `Dataset` (named arrays), whose table has a row for each motion.
 
+        Its columns are own PGA, PGV and intensity, critical ones, and what the motion does at its own scale.
         "overturns_at" are all intervals of overturning as a text. Seconds and m/s are nan without block dimensions.
         """
         peaks = motion_table(self.scenes)
@@ -176,7 +177,7 @@ class CriticalIntensities(Saved, Result):
         )
 
     def summary(self) -> dict[str, Any]:
-        """Metadata, columns and jumps of each motion, verdict and remarks as plain values, for JSON."""
+        """Return a dict for JSON: metadata, columns and jumps of each motion, verdict and remarks."""
         jumps = [row[np.isfinite(row)].tolist() for row in self.jumps]
         return super().summary() | {"motion": self.names, "jumps": jumps}
 
@@ -203,14 +204,17 @@ class CriticalIntensities(Saved, Result):
 
 
 def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None = None) -> dict[str, Array]:
-    """Return columns with a row for the motion of each scene: name, own PGA and PGV, and without noise what it does.
+    """Return columns by name, with a row for the motion of each scene.
+
+    They are "motion" (its name), "pga_g" and "pgv_m_per_s" (nan without dimensions), and with `critical` all of its
+    table.
 
     Parameters
     ----------
     scenes : sequence of Scene, (m,)
         At the motions' own scales.
     critical : CriticalIntensities, optional
-        Of these scenes: its table is returned.
+        Of these scenes, without noise: its table is returned.
 
     Returns
     -------
@@ -224,25 +228,32 @@ def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None =
 
 
 def seconds_of(scenes: Sequence[Scene], times: Array) -> Array:
-    """Return times τ (m,) of scenes in seconds, nan for a block without dimensions."""
+    """Return `times` τ (m,), one of each scene, in seconds (m,); nan for a block without dimensions."""
     sizes = [scene.block.size for scene in scenes]
     pairs = zip(sizes, times.tolist(), strict=True)
     return np.array([math.nan if size is None else size.seconds(time) for size, time in pairs])
 
 
 def side_names(sides: Array) -> Array:
-    """Sides (m,) of overturning as texts: "left", "right", or "" for none."""
+    """Return an array (m,) of texts, "left", "right" or "", for `sides` (m,) of overturning: -1, 1, or 0 for none."""
     return np.array(["", "right", "left"])[np.asarray(sides, int)]
 
 
 def intervals_text(jumps: Array) -> str:
-    """Return the intervals of overturning that lie between jumps (k,) as a text, as in "0.41-0.43; 0.5-"."""
+    """Return the intervals of overturning as a text, as in "0.41-0.43; 0.5-".
+
+    They lie between `jumps` (k,), ascending scales or intensities from which a block overturns and stands in turn; nan
+    behind the last.
+    """
     texts = [f"{jump:.4g}" for jump in jumps[np.isfinite(jumps)]]
     return "; ".join(f"{begin}-{end}" for begin, end in zip(texts[::2], [*texts[1::2], ""], strict=False))
 
 
 def factor_diagnostics(factor: Array) -> list[Diagnostic]:
-    """Return a caution in a list where motions overturn a block only if scaled far up; factors (m,), inf for none."""
+    """Return a list with a `Diagnostic` if motions overturn a block only when scaled far up; else an empty list.
+
+    `factor` (m,): factor of each motion's own acceleration from which it does, inf for none.
+    """
     far = factor[np.isfinite(factor) & (factor > LARGEST_FACTOR)]
     if not far.size:
         return []
@@ -297,6 +308,8 @@ def critical_intensities(
     Returns
     -------
     CriticalIntensities
+        `critical` (m,): lowest intensity of each motion that overturns the block; all intervals, `jumps`; what it does
+        at its own scale.
 
     Raises
     ------

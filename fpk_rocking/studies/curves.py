@@ -82,7 +82,8 @@ def fragility(
     Returns
     -------
     Fragility
-        Where the engine refuses some of the scales, the probability is nan there and `Fragility.reasons` says why.
+        `probability` (scenes, 1 + levels, scales), its `interval`, lognormal `fits` and others. Where the engine
+        refuses some of the scales, the probability is nan there and `Fragility.reasons` says why.
 
     Raises
     ------
@@ -167,7 +168,10 @@ def fragility(
 
 
 def _scenes(scene, over):
-    """Return the scenes at scale 1, the name of what they differ in, and its values."""
+    """Return (scenes, axis, places): scenes at scale 1, the name of what they differ in, and its value for each.
+
+    `scene` and `over` are as of `fragility`; without `over` the name is "scene" and the values are 0, 1, ...
+    """
     if over is None:
         scenes = (scene,) if isinstance(scene, Scene) else checked_scenes("scene", scene)
         return scenes, "scene", range(len(scenes))
@@ -179,7 +183,7 @@ def _scenes(scene, over):
 
 
 def _check_levels(levels, scenes):
-    """Refuse a level at which a block starts, or that only an overturned one reaches."""
+    """Raise ValueError for one of `levels`, angles in units of θ_cr, not between all scenes' start and overturning."""
     least = max(abs(scene.start.angle) for scene in scenes)
     most = min(scene.overturning.angle for scene in scenes)
     for number, level in enumerate(levels):
@@ -189,7 +193,10 @@ def _check_levels(levels, scenes):
 
 
 def _engine(engine, scenes):
-    """Return the name of the engine, and the scenes with the noise that it takes."""
+    """Return (engine, scenes): the name of the engine, one that fits for None, and the scenes with noise it takes.
+
+    ValueError where no one engine takes all `scenes`, or there is none of this name.
+    """
     engines = "exact", "rk4", "white", "filtered", "density"
     if engine is not None and engine not in engines:
         accepted = ", ".join(map(repr, engines)) + " or None (the Monte Carlo method that fits the noise)"
@@ -206,7 +213,10 @@ def _engine(engine, scenes):
 
 
 def _options(engine, scenes, lasting, realizations, tol):
-    """Return the options of the task, and the realizations of a sample, 0 of a density."""
+    """Return (options, realizations): a dict of options of the task, and the size (int) of a sample, 0 for a density.
+
+    `engine` is its name, `lasting` a dict with cycles or times, `tol` the wanted error of a density.
+    """
     if engine == "density":
         return lasting | {"tol": tol}, 0
     realizations = checks.count("realizations", realizations)
@@ -215,13 +225,19 @@ def _options(engine, scenes, lasting, realizations, tol):
 
 
 def _at(scene, factor, level, scale_noise):
-    """Return the scene at a scale, with the cut-off at a level or where it is."""
+    """Return the scene scaled by `factor`, its angle of overturning set to `level`, or kept where that is None.
+
+    `scale_noise`: whether the noise is scaled too.
+    """
     shaken = scaled(scene, factor, noise=scale_noise)
     return shaken if level is None else shaken.varied(overturning={"angle": level})
 
 
 def _overturned(values):
-    """Return the probability of overturning by the values of a row: a ratio of whole numbers for a sample."""
+    """Return the last probability of overturning (float) by `values`, the dict of a row of a task; nan of an empty one.
+
+    Of a sample it is a ratio of whole numbers.
+    """
     if not values:
         return np.nan
     if "survivors" in values:

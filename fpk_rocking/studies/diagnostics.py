@@ -9,19 +9,19 @@ from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 
 
 def curve_diagnostics(result: Any) -> list[Diagnostic]:
-    """Diagnostics of a `studies.Fragility`, each kind once: its model, its fits, its missing answers."""
+    """Return a list of `Diagnostic` of a `studies.Fragility`, each kind once: its model, fits, missing answers."""
     return model_diagnostics(result) + _rejected(result) + _falling(result)
 
 
 def model_diagnostics(result: Any) -> list[Diagnostic]:
-    """Diagnostics of the model, the noise and the engine of a `studies.Fragility`, each kind once."""
+    """Return a list of `Diagnostic` on model, noise and engine of a `studies.Fragility`, each kind once."""
     return (
         _unanswered(result) + _noise(result) + (path_diagnostics(result.engine) if result.deterministic.any() else [])
     )
 
 
 def _unanswered(result):
-    """Probabilities without an answer of the engine."""
+    """Return a list with a `Diagnostic` if some probabilities of a `Fragility` have no answer; else an empty list."""
     if not result.reasons:
         return []
     count, first = result.probability.size, next(iter(result.reasons.values()))
@@ -30,7 +30,7 @@ def _unanswered(result):
 
 
 def _noise(result):
-    """Diagnostics of model and noise of the scenes, the severest of each kind for all scenes."""
+    """Return a list of `Diagnostic` on model and noise of the scenes of a `Fragility`, the severest of each kind."""
     kinds: dict[str, dict[Diagnostic, None]] = {}
     for scene in result.scenes:
         for diagnostic in scene_diagnostics(
@@ -46,7 +46,7 @@ def _noise(result):
 
 
 def _rejected(result):
-    """Lognormal fits that do not describe the probabilities."""
+    """Return a list with a `Diagnostic` if the data reject lognormal fits of a `Fragility`; else an empty list."""
     curves = [fit for fits in result.fits for fit in fits]
     rejected = [fit for fit in curves if fit.rejected]
     if not rejected:
@@ -61,7 +61,10 @@ def _rejected(result):
 
 
 def _falling(result):
-    """Curves that fall where the shaking grows, by more than their limits: weaker shaking is then not safer."""
+    """Return a list with a `Diagnostic` if a curve of a `Fragility` falls as the shaking grows; else an empty list.
+
+    It falls by more than its limits of 99.99 %: weaker shaking is then not safer.
+    """
     # At this confidence chance alone seldom makes any curve fall.
     low, high = np.moveaxis(result.interval(0.9999), -1, 0)
     most = np.fmax.accumulate(low, axis=-1)

@@ -67,6 +67,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     Returns
     -------
     Draws
+        Named tuple: `scenes`, the values that were drawn for each by name, and the number of its `origin`.
 
     Raises
     ------
@@ -106,7 +107,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
 
 
 def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[Array, Array]:
-    """Draw further points of the unit cube from where weighted points are, and weigh all of them anew.
+    """Draw further points of the unit cube from where weighted points are; return them and new weights of all.
 
     The new ones are normal about the weighted mean, with twice the covariance and a deviation of 0.07 at least.
 
@@ -117,11 +118,12 @@ def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[
     weights : ndarray, shape (k,)
         Of sum 1.
     count, seed : int
-        New points, and the seed of their scrambled Sobol sequence.
+        Number of new points, and the seed of their scrambled Sobol sequence.
 
     Returns
     -------
     new : ndarray, shape (count, d)
+        Fewer where too many fall outside the cube.
     importance : ndarray, shape (k + count,)
         Uniform density over that of the mixture of both sets, at each point.
     """
@@ -138,7 +140,10 @@ def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[
 
 
 def _with_value(scene, name, value):
-    """Return a scene with one parameter set to a value, or multiplied by it where the name ends with "_factor"."""
+    """Return a copy of a scene with the parameter `name` set to `value`, or multiplied by it.
+
+    It is multiplied where the name, as of `varied`, ends with "_factor".
+    """
     if not name.endswith("_factor"):
         return varied(scene, name, value)
     parameter = name.removesuffix("_factor")
@@ -149,7 +154,11 @@ def _with_value(scene, name, value):
 
 
 def _refuse_far(scenes, name, law):
-    """Refuse a distribution that is 4 normal deviations from a scene's own value, as one of factors is."""
+    """Raise ValueError where the own value of one of `scenes` lies outside 4 normal deviations of a distribution.
+
+    `name` is that of the parameter, `law` a distribution as of `distribution_of`. One that is meant as a factor is
+    refused so; names with "_factor", and "scale", are not checked.
+    """
     from scipy import special
 
     if name.endswith("_factor") or name == "scale":
@@ -166,7 +175,7 @@ def _refuse_far(scenes, name, law):
 
 
 def _value(scene, name):
-    """Return the value of a parameter of a scene, by the names of `varied`; None where the scene does not have it."""
+    """Return the value of the parameter `name`, as of `varied`, of a scene; None where the scene does not have it."""
     size, (part, _, field) = scene.block.dimensions, name.partition(".")
     if name == "scale":
         return 1.0
@@ -180,7 +189,7 @@ def _value(scene, name):
 
 
 def distribution_of(name: str, law: Any) -> Any:
-    """Return the distribution that a text names, with `ppf`, `pdf` and `cdf`.
+    """Return the distribution that a text names, a frozen one of `scipy.stats` with `ppf`, `pdf` and `cdf`.
 
     Parameters
     ----------
@@ -302,7 +311,11 @@ def synthetic_records(
 
 
 def _filtered_noise(space, interval, strength, rng):
-    """Return samples (n + 1,) of the output of a filter that starts at rest, for white noise of a strength (n,)."""
+    """Return samples (n + 1,) of the output of a filter that starts at rest, for white noise of a `strength` (n,).
+
+    `space`: the filter, a `StateSpace` of unit variance at a strength of 1; `interval`: seconds between samples, in
+    each of which the strength is constant; `rng`: a numpy Generator.
+    """
     from scipy.linalg import expm
 
     move = expm(space.drift * interval)
@@ -320,7 +333,10 @@ def _filtered_noise(space, interval, strength, rng):
 
 
 def _high_passed(samples, interval, frequency, damping):
-    """Return y'' of y'' + 2 ζ ω y' + ω² y = u for samples (n,) between which u is linear, as a record is."""
+    """Return samples (n,) of y'', where y'' + 2 ζ ω y' + ω² y = u, for `samples` (n,) of u, linear between them.
+
+    `interval`: seconds between samples; `frequency` ω, rad/s; `damping` ζ. y'' has the unit of u.
+    """
     from scipy import signal
 
     system = [1.0, 0.0, 0.0], [1.0, 2.0 * damping * frequency, frequency**2]

@@ -44,17 +44,20 @@ class Job(NamedTuple):
 
     @property
     def digest(self) -> str:
-        """Hexadecimal digits that identify scene and seed."""
+        """A text of 16 hexadecimal digits that identify scene and seed."""
         return hashlib.sha256(f"{self.seed}\n{self.scene.to_toml()}".encode()).hexdigest()[:16]
 
     def row(self, wall_s: float, values: dict[str, Any], reason: str) -> dict[str, Any]:
-        """Return the row of this job: its number as "cell", seed, digest, seconds, values, and why it failed."""
+        """Return the row of this job, a dict: "cell" (its number), "seed", "digest", "wall_s", "values" and "reason".
+
+        The last three are the parameters: seconds, what the task returned, and why it failed, else empty.
+        """
         own = {"cell": self.number, "seed": self.seed, "digest": self.digest}
         return own | {"wall_s": wall_s, "values": values, "reason": reason}
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Seed from 0 to 2**64 - 1 of a job: it depends on the seed of the sweep and the number of the job alone."""
+    """Return the seed (int, 0 to 2**64 - 1) of a job: a function of the `seed` of the sweep and the job's `number`."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0])
 
 
@@ -76,8 +79,10 @@ def run_jobs(
         Called as ``task(scene, seed=seed, **options)``; returns a dict of what JSON holds.
     jobs : sequence of Job
     options : dict
+        Keyword arguments of the task.
     kernels_of : callable
-        `fpk_rocking.studies.tasks.kernels_of`: what to compile before several workers need it.
+        Called as ``kernels_of(task, scenes, options)``; returns a list of what to compile before several workers need
+        it, as `fpk_rocking.studies.tasks.kernels_of`.
     workers, store, progress
         As for `fpk_rocking.studies.sweep`.
 
@@ -112,7 +117,10 @@ def run_jobs(
 
 
 def run_job(task: Callable[..., Any], job: Job, options: dict[str, Any]) -> dict[str, Any]:
-    """Run a task on a job, with all threads; return its row. An exception becomes the row's reason."""
+    """Run a task on a job, with all threads; return its row, a dict (`Job.row`). An exception becomes its "reason".
+
+    `task` is called as ``task(scene, seed=seed, **options)``.
+    """
     started, values, reason = time.perf_counter(), {}, ""
     try:
         values = json.loads(json.dumps(dict(task(job.scene, seed=job.seed, **options)), allow_nan=False))
@@ -122,7 +130,7 @@ def run_job(task: Callable[..., Any], job: Job, options: dict[str, Any]) -> dict
 
 
 def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
-    """Run a task on a job in a worker, which has one processor; return its row.
+    """Run a task on a job in a worker, which has one processor; return its row, as `run_job`.
 
     The number of the attempt is a parameter because Dask answers equal calls with the result of the first.
     """
@@ -133,7 +141,11 @@ def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
 
 
 def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, None]:
-    """Yield the rows of jobs as they come: from this process (1), from as many processes, or from an executor."""
+    """Yield the rows of `jobs` (dicts, `Job.row`) as they come, in any order.
+
+    `workers`: 1 for this process, a larger number for as many processes, or an executor. RuntimeError where an executor
+    ends before all jobs are done.
+    """
     if workers == 1:
         for job in jobs:
             yield run_job(task, job, options)
@@ -150,7 +162,10 @@ def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, 
 
 
 def _rows_from_executor(executor, task, jobs, options):
-    """Yield the rows of jobs that are all handed to an executor at once; those that it cannot run are tried alone."""
+    """Yield the rows of `jobs` (dicts, `Job.row`), which are all handed to an executor at once, as they end.
+
+    Those that it cannot run are tried again alone; a second failure becomes the row's "reason".
+    """
     futures = {executor.submit(_run_on_one_thread, task, job, options, 1): job for job in jobs}
     failed = []
     try:
@@ -177,7 +192,7 @@ def _rows_from_executor(executor, task, jobs, options):
 
 
 def _rows_from_processes(count, task, jobs, options):
-    """Yield the rows of jobs on processes; where a process is killed, the jobs that were running are tried alone.
+    """Yield the rows of `jobs` (dicts, `Job.row`) on processes; if one is killed, jobs then running are tried alone.
 
     Rows come as jobs end, from `count` processes at most; `options` (dict) are keyword arguments of the task. A job
     whose process is killed again gets a row without values that says so.
@@ -204,7 +219,7 @@ def _rows_from_processes(count, task, jobs, options):
 
 @contextlib.contextmanager
 def _processes(count):
-    """Yield an executor of processes that end at once with the block, or with this process, however it ends."""
+    """Yield a ProcessPoolExecutor of `count` processes, which end at once with the block or with this process."""
     # Spawned, not forked: a fork after a parallel kernel has run would stand still.
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -218,7 +233,10 @@ def _processes(count):
 
 
 def _begin_process(pipe):
-    """Set up a worker process: it ignores interruptions, and ends when its parent closes the pipe or is killed."""
+    """Set up this worker process: it ignores interruptions, and ends when its parent closes `pipe` or is killed.
+
+    `pipe`: the worker's end of a `multiprocessing.Pipe`.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch():
@@ -279,7 +297,7 @@ def _opened_store(
 
 
 def _lock(file, path):
-    """Lock an open file, or refuse it where another sweep has it locked."""
+    """Lock an open `file`; ValueError, with its `path`, where another sweep has it locked. Return None."""
     if fcntl is None:
         return
     try:
@@ -291,7 +309,7 @@ def _lock(file, path):
 
 
 def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str]) -> dict[int, dict[str, Any]]:
-    """Return the rows of a store by the number of their job; cut the store after its last complete line.
+    """Return the rows of a store, dicts by the number of their job; cut the store after its last complete line.
 
     A new `file` (open, binary, at `path`) gets the `header`, a line of JSON. ValueError, and the file is left as it is,
     where a line is damaged, the header differs, or a row's digest is not that in `digests` (job number to digest).
@@ -318,7 +336,11 @@ def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str])
 
 
 def _entry(path, text, number, types=None):
-    """Return the JSON object in a line of a store, or refuse it; `types` has the types of its values by name."""
+    """Return the JSON object (dict) in a line of a store; ValueError for anything else.
+
+    `text` (bytes) is the line, `number` its number in the file at `path`, for the message; `types`: dict of the types
+    of its values by name, or None for any.
+    """
     try:
         entry = json.loads(text)
     except ValueError:
@@ -333,13 +355,13 @@ def _entry(path, text, number, types=None):
 
 
 def _append(file, content: bytes):
-    """Write bytes to an unbuffered file, all of them."""
+    """Write all bytes of `content` to an unbuffered `file`; return None."""
     while content:
         content = content[file.write(content) :]
 
 
 def _json_line(entry) -> bytes:
-    """Return plain values as a line of JSON, or refuse them by name."""
+    """Return a dict of plain values as a line of JSON, bytes that end with a newline; TypeError for other values."""
     try:
         return (json.dumps(entry, allow_nan=False, ensure_ascii=False) + "\n").encode()
     except (TypeError, ValueError) as error:

@@ -32,7 +32,7 @@ CALM = 0.125
 
 
 def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
-    """Scales at which what a path comes to changes, ascending: odd ones begin to overturn, even ones to stand.
+    """Return the scales at which the outcome of a path changes, ascending: odd ones to overturning, even ones back.
 
     Parameters
     ----------
@@ -61,12 +61,19 @@ def jumps(paths: ScaledPaths, low: float, high: float) -> Array:
 
 
 def overturns(jumps: Array, scales: ArrayLike) -> Array:
-    """Whether a block overturns at scales (n,), by its jumps (m, k) with nan at their ends: (m, n)."""
+    """Return whether each of m blocks overturns at each of `scales` (n,), an array of bool (m, n).
+
+    `jumps` (m, k): ascending scales from which it overturns and stands in turn, with nan behind the last.
+    """
     return (jumps[:, None, :] <= np.asarray(scales, float)[:, None]).sum(axis=-1) % 2 == 1
 
 
 def first_scale(jumps: Array) -> Array:
-    """Lowest scales (m,) from which blocks overturn over a part of `FINE` at least; inf where there is none."""
+    """Return the lowest scale (m,) of each of m blocks from which it overturns over 1 % (`FINE`) at least.
+
+    inf where there is none. `jumps` (m, k): ascending scales from which each overturns and stands in turn, nan behind
+    the last.
+    """
     begins = jumps[:, ::2]
     ends = np.full(begins.shape, math.inf)
     ends[:, : jumps.shape[1] // 2] = np.nan_to_num(jumps[:, 1::2], nan=math.inf)
@@ -103,7 +110,11 @@ class MotionOutcomes(NamedTuple):
 
     @classmethod
     def of(cls, values: Sequence[dict[str, Any]], curves: int = 1) -> "MotionOutcomes":
-        """Return the outcomes of what `search` has returned for each scene and each of its curves, in this order."""
+        """Return the `MotionOutcomes` of a list of what `search` has returned.
+
+        It has an entry for each scene and each of its `curves`, l + 1 of them, in this order; an empty dict where the
+        engine gave no answer.
+        """
         own = values[::curves]
         rows = _padded([row.get("jumps", ()) for row in values])
         return cls(
@@ -115,7 +126,13 @@ class MotionOutcomes(NamedTuple):
 
 
 def search(scene: Scene, *, seed: int, measure: str, highest: float, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
-    """Follow a scene without noise over its scales; return jumps, and what it comes to at its own scale, by name."""
+    """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale.
+
+    "jumps": list of ascending scales up to the `highest`, at which standing and overturning change; "peak": largest |Θ|
+    at scale 1, nondimensional; "overturn_time": τ, or None; "overturn_side": -1, 1, or 0 for none. `highest` is an
+    intensity of the `measure`, "PGA" (g), "PGV" (m/s) or "scale"; `seed` is not used; `lasting`: cycles or times, as of
+    `montecarlo.simulate`.
+    """
     paths = ScaledPaths(scene, **lasting)
     (overturn_time,), (side,), (peak,) = paths([1.0])
     high = highest if measure == "scale" else highest / intensity_of(scene, measure)
@@ -133,7 +150,10 @@ def kernels_of(
     scenes: Iterable[Scene],
     options: dict[str, Any],  # noqa: ARG001
 ) -> list[str]:
-    """Return the names in `base.precompilation` of the kernels of the paths of some scenes."""
+    """Return a sorted list of the tasks, texts, of `base.precompilation` that compile the paths of some scenes.
+
+    `task` and `options` are not used.
+    """
     return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
 

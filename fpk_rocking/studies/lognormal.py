@@ -67,7 +67,7 @@ class LognormalFit(NamedTuple):
 
     @property
     def rejected(self) -> str:
-        """Why the data reject the fit; empty where they do not.
+        """Why the data reject the fit, as a text; empty where they do not.
 
         p is below 0.01 for counts, below 0.05 for the mean over motions; without a test the misfit is above 0.05.
         """
@@ -87,7 +87,7 @@ class LognormalFit(NamedTuple):
         Returns
         -------
         float or ndarray
-            Probability at the scale.
+            Probability at each scale, of the shape of `scale`.
         """
         return scipy.special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
 
@@ -116,6 +116,8 @@ def fit_lognormal(
     Returns
     -------
     LognormalFit
+        Named tuple: `median`, `dispersion`, their intervals, `misfit`, `p_value` and others; callable, as
+        ``fit(scale)``.
 
     Examples
     --------
@@ -227,8 +229,9 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
     Returns
     -------
     list of Ranking
-        The best first; without those that a scene does not have, that determine no curve, or that are another one in
-        other units, as p PGV/(g tan θ_cr) is for motions of one block.
+        Named tuples: `measure`, `deviance`, `median`, `dispersion`. The best first; without those that a scene does not
+        have, that determine no curve, or that are another one in other units, as p PGV/(g tan θ_cr) is for motions of
+        one block.
 
     Examples
     --------
@@ -263,7 +266,10 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
 
 
 def _errors(intercept, slope, information):
-    """Return standard errors (..., 2) of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method."""
+    """Return standard errors (..., 2) of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
+
+    `intercept` b₀ and `slope` b₁ are (...), their Fisher `information` is (..., 2, 2).
+    """
     zero = np.zeros_like(slope)
     change = np.stack([-1.0 / slope, intercept / slope**2, zero, -1.0 / slope], axis=-1).reshape(*slope.shape, 2, 2)
     covariance = change @ np.linalg.pinv(information, hermitian=True) @ np.swapaxes(change, -1, -2)
@@ -271,7 +277,10 @@ def _errors(intercept, slope, information):
 
 
 def _undetermined(logs, count, trials):
-    """Say why a likelihood has no maximum, or return an empty text."""
+    """Return why the likelihood of counts (n,) at `logs` (n,), of `trials` (n,), has no maximum; else an empty text.
+
+    `logs` are the logarithms of the scales.
+    """
     happened, missed = logs[count > 0.0], logs[count < trials]
     if not happened.size or not missed.size:
         return f"the probability is {'0' if not happened.size else '1'} at all scales"
@@ -283,12 +292,12 @@ def _undetermined(logs, count, trials):
 
 
 def _likelihood(z, count, trials):
-    """Log-likelihood (r,) of counts (r, n) under probits z (r, n)."""
+    """Return the log-likelihood (r,) of counts `count` (r, n) of `trials` (n,) under probits `z` (r, n)."""
     return (count * scipy.special.log_ndtr(z) + (trials - count) * scipy.special.log_ndtr(-z)).sum(axis=-1)
 
 
 def _maximize(design, count, trials):
-    """Maximize the likelihood of sets of counts under probits that are linear in some terms.
+    """Maximize the likelihood of sets of counts under probits that are linear in some terms; return its place.
 
     Parameters
     ----------
@@ -297,11 +306,12 @@ def _maximize(design, count, trials):
     count : ndarray, shape (r, n)
         Sets of counts.
     trials : ndarray, shape (n,)
+        Sizes of the samples.
 
     Returns
     -------
     curve : ndarray, shape (r, k)
-        Factors of the terms.
+        Factors of the terms at the maximum.
     information : ndarray, shape (r, k, k)
         Observed information.
     """
@@ -330,7 +340,10 @@ def _maximize(design, count, trials):
 
 
 def _derivatives(z, count, trials, design):
-    """Gradient (r, k) of the log-likelihood, and its observed information (r, k, k)."""
+    """Return the gradient (r, k) of the log-likelihood by the factors of terms, and its observed information (r, k, k).
+
+    `z` (r, n): probits; `count` (r, n) of `trials` (n,); `design` (k, n): values of the terms.
+    """
     density = -0.5 * z * z - 0.5 * math.log(2.0 * math.pi)
     rise, fall = np.exp(density - scipy.special.log_ndtr(z)), np.exp(density - scipy.special.log_ndtr(-z))
     gradient = (count * rise - (trials - count) * fall) @ design.T
@@ -339,7 +352,10 @@ def _derivatives(z, count, trials, design):
 
 
 def _deviance(logs, count, trials, curve):
-    """Twice the log-likelihood (r,) that counts (r, n) lose by curves (r, 2)."""
+    """Return the deviance (r,) of counts `count` (r, n) of `trials` (n,) from curves: twice the log-likelihood lost.
+
+    `curve` (r, 2): b₀ and b₁ of the probits b₀ + b₁ `logs`; `logs` (n,): logarithms of the scales.
+    """
     missed = trials - count
     best = scipy.special.xlogy(count, count / trials) + scipy.special.xlogy(missed, missed / trials)
     z = curve[:, :1] + curve[:, 1:] * logs

@@ -49,7 +49,7 @@ class Intensities(NamedTuple):
     relative_velocity: float
 
     def columns(self, scale: float) -> dict[str, float]:
-        """Return the measures times a scale, a factor of the forcing, by name, for tables.
+        """Return the measures times `scale`, a factor of the forcing, as floats by name, for tables.
 
         Names: "acceleration", "velocity", "relative_velocity" (nondimensional), "pga_g" and "pgv_m_per_s" (nan for a
         block without dimensions).
@@ -63,13 +63,13 @@ class Intensities(NamedTuple):
         }
 
     def at(self, scale: float) -> str:
-        """Return peak acceleration and velocity at a scale as a text; empty for a block without dimensions."""
+        """Return a text, "PGA 0.3 g, PGV 0.3 m/s", at a `scale` of the forcing; empty for a block without a size."""
         peaks = {"PGA {:.4g} g": self.pga / STANDARD_GRAVITY, "PGV {:.4g} m/s": self.pgv}
         return ", ".join(text.format(scale * value) for text, value in peaks.items() if math.isfinite(value))
 
 
 def intensities(scene: Scene) -> Intensities:
-    """Return the intensity measures of a scene's forcing, with a warning where the velocity is that of a drift.
+    """Return the named tuple `Intensities` of a scene's forcing, with a warning where the velocity is that of a drift.
 
     The ground velocity of a periodic forcing has mean 0; that of a pulse or a record is 0 at τ = 0.
 
@@ -81,6 +81,7 @@ def intensities(scene: Scene) -> Intensities:
     Returns
     -------
     Intensities
+        Named tuple: `acceleration`, `velocity` and `relative_velocity`, nondimensional; `pga`, m/s², and `pgv`, m/s.
 
     Examples
     --------
@@ -97,7 +98,7 @@ def intensities(scene: Scene) -> Intensities:
 
 
 def measured(scene: Scene) -> Intensities:
-    """Return the intensity measures of a scene's forcing without a warning, for results that have their verdict."""
+    """Return the named tuple `Intensities` of a scene's forcing without a warning, for results that have a verdict."""
     forcing, size = scene.forcing, scene.block.size
     acceleration, velocity = forcing.largest, forcing.largest_velocity
     if size is None:
@@ -121,14 +122,14 @@ MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", 
 
 
 def measure_of(name: str) -> Measure:
-    """Return field, unit and factor of the intensity "PGA" or "PGV", or refuse another name."""
+    """Return the named tuple `Measure` (field, unit, factor to SI) of "PGA" or "PGV"; ValueError for another name."""
     if name not in MEASURES:
         raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
     return MEASURES[name]
 
 
 def intensity_of(scene: Scene, measure: str) -> float:
-    """Return the peak ground acceleration or velocity of a scene's forcing.
+    """Return the peak ground acceleration, in g, or velocity, in m/s, of a scene's forcing.
 
     Parameters
     ----------
@@ -140,6 +141,7 @@ def intensity_of(scene: Scene, measure: str) -> float:
     Returns
     -------
     float
+        In the unit of the measure, above 0.
 
     Raises
     ------
@@ -257,9 +259,9 @@ def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
     Parameters
     ----------
     table : dict of str to ndarray, (m,)
-        At the motions' own scales, or, where `measure` is "scale", at scale 1, whatever that is.
+        Columns by name, at the motions' own scales, or, where `measure` is "scale", at scale 1, whatever that is.
     measure : str
-        "PGA", "PGV" or "scale".
+        "PGA", "PGV" or "scale": of critical intensities, where the table has these.
     """
     lines = []
     for place, name in enumerate(table["motion"]):
@@ -281,7 +283,10 @@ def motion_lines(table: Mapping[str, Array], measure: str) -> list[str]:
 
 
 def motion_names(scenes: Sequence[Scene]) -> list[str]:
-    """Return the name of the motion of each scene: the source of a record, else what the forcing is; all differ."""
+    """Return a list of the names of the motions of scenes: the source of a record, else what the forcing is.
+
+    All differ: equal ones are numbered.
+    """
     names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
     count = dict.fromkeys(names, 0)
     for place, name in enumerate(names):

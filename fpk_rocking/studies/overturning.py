@@ -84,7 +84,8 @@ def probability(
     Returns
     -------
     Probability
-        After an interruption from the keyboard what the paths until then say.
+        `overturned`, the probability by the last time, and its `error`; `left`, `right` and `errors` by row; `verdict`,
+        `method`. After an interruption from the keyboard what the paths until then say.
 
     Raises
     ------
@@ -122,7 +123,7 @@ class _Call:
 
     @classmethod
     def of(cls, scene, cycles, times, tol, rtol, limit_s, seed, progress):
-        """Return the call with parameters, those of `probability`, or refuse one."""
+        """Return the `_Call` with parameters, those of `probability`; TypeError or ValueError for a wrong one."""
         began = time.perf_counter()
         run = checked_run(scene, cycles, _PILOT, seed, None, 200, progress, times)
         if tol is None and rtol is None:
@@ -135,13 +136,13 @@ class _Call:
         return cls(run, WantedError(tol, rtol), limit_s, progress, began, SideCounts(run.times))
 
     def one_path(self):
-        """Return the answer for a scene in which nothing is random."""
+        """Return the `Probability` of a scene in which nothing is random, by its one path."""
         (batch,) = simulate_batches(self.run._replace(realizations=1), progress=self.progress, followed=0)
         self.counts.add(batch)
         return self.result("one path", "Nothing is random: one path decides.", self.counts.sides, 0.0, 1)
 
     def answer(self):
-        """Return the answer for a scene with noise."""
+        """Return the `Probability` of a scene with noise: sample, predict, and take the shortest way."""
         try:
             self.sample(_PILOT)
             begin = time.perf_counter()
@@ -169,12 +170,15 @@ class _Call:
 
     @property
     def reached(self):
-        """Whether the paths so far give the wanted error."""
+        """Whether the paths so far give the wanted error (bool)."""
         counts = self.counts
         return counts.half_widths[-1, 0] <= self.wanted.of(counts.overturned / counts.paths)
 
     def sample(self, until, counts=None, steps_per_cycle=None):
-        """Add paths to the counts until there are so many."""
+        """Simulate further paths until there are `until` in `counts`, a `SideCounts`, by default those of the call.
+
+        `steps_per_cycle` (int): by default that of the run.
+        """
         counts = self.counts if counts is None else counts
         run = self.run._replace(realizations=int(until))
         if steps_per_cycle:
@@ -184,14 +188,14 @@ class _Call:
             counts.add(batch)
 
     def _announce(self, needed, seconds):
-        """Say on standard error how long so many paths take, if long; refuse too long."""
+        """Write on standard error that `needed` paths take `seconds`, if long; ValueError where above `limit_s`."""
         if seconds > self.limit_s:
             self._refuse(needed, seconds)
         if seconds > _LONG_S:
             sys.stderr.write(f"probability: about {float(f'{seconds:.1g}'):,.0f} s for {needed:,.0f} paths\n")
 
     def _refuse(self, needed, seconds):
-        """Raise ValueError: the wanted error takes too long."""
+        """Raise ValueError: the wanted error takes too long, `needed` paths or about `seconds`."""
         counts = self.counts
         high = wilson_interval(counts.overturned, counts.paths)[1]
         name = "tol" if self.wanted.tol else "rtol"
@@ -206,7 +210,10 @@ class _Call:
         )
 
     def _from_paths(self, interrupted=False):
-        """Return the answer that the paths give, with the error of the engine's steps."""
+        """Return the `Probability` by the paths so far; its errors contain that of the engine's time steps.
+
+        `interrupted`: whether the call was interrupted, after which that error is not measured.
+        """
         counts, errors, engine = self.counts, self.counts.half_widths, self.run.method
         reason = f"Paths under the noise as it is reach the wanted error soonest ({engine} engine)."
         if engine != "exact" and not interrupted:
@@ -219,12 +226,12 @@ class _Call:
 
     @property
     def _share(self):
-        """Share of the paths that has overturned, at least one of them."""
+        """Share (float) of the paths so far that has overturned, at least one of them."""
         return max(self.counts.overturned, 1) / self.counts.paths
 
     @functools.cached_property
     def _solutions_s(self):
-        """Predicted seconds of each solution of the density; inf where the solver takes no such scene or error."""
+        """List of the predicted seconds of each solution of the density; [inf] if it cannot do this scene or error."""
         from fpk_rocking.density.solver import predicted_seconds
 
         scene, tol = self.run.scene, self.wanted.of(self._share)
@@ -237,13 +244,14 @@ class _Call:
         return [seconds if scene.repeats else _FINER * seconds for seconds in predicted]
 
     def _density_pays(self, paths_s):
-        """Whether the density, not yet tried, is predicted to take less time than paths."""
+        """Whether the density, not yet tried, is predicted to take less time than paths, `paths_s` seconds (bool)."""
         return paths_s > _SHORT_S and sum(self._solutions_s) < min(paths_s, self.limit_s)
 
     def _density(self, paths_s):
-        """Return the answer by the density.
+        """Return the `Probability` by the density, or None.
 
-        None if it is not accurate enough, not that of the paths so far, or slower than predicted, and so than paths.
+        None if it is not accurate enough, not that of the paths so far, or slower than predicted, and so than paths,
+        which take `paths_s` seconds.
         """
         from fpk_rocking.density.solver import solve_fpk
 
@@ -262,14 +270,15 @@ class _Call:
         return self.result("density", reason, np.asarray(density.overturned), error, 0)
 
     def _stop_if_slow(self, predicted, limit):
-        """Return a `progress` of `solve_fpk` that raises `_SlowerError` where more than `limit` seconds are to come.
+        """Return a function (done, total), for `progress` of `solve_fpk`: it stops a density slower than predicted.
 
+        It raises `_SlowerError` where more than `limit` seconds are to come.
         What the solutions so far took, over what was `predicted` for them (a list of seconds), holds for the others.
         """
         rows, began = len(self.run.times) - 1, time.perf_counter()
 
         def watch(done, total):
-            """Report, and after each solution but the last compare."""
+            """Report `done` of `total` rows, and compare the seconds after each solution but the last."""
             if self.progress:
                 self.progress(done, total)
             solutions = done // rows
@@ -281,13 +290,13 @@ class _Call:
         return watch
 
     def _splitting_pays(self, paths_s):
-        """Whether splitting, not yet tried, takes the scene, and overturning is rare."""
+        """Whether to try splitting: it takes the scene, overturning is rare, and paths take long, `paths_s` seconds."""
         scene = self.run.scene
         rare = self.wanted.of(self._share) < self._share < 0.02
         return paths_s > _SPLITTING_S and rare and scene.repeats and scene.noise.kind == "white" and not self.split
 
     def _splitting(self, paths_s):
-        """Return the answer by splitting; None where it would take longer than paths."""
+        """Return the `Probability` by splitting; None where it would take longer than paths, `paths_s` seconds."""
         counts, walkers, repeats = self.counts, 10, 2  # the first call makes the score, which serves the others
         self.split = True
         while True:
@@ -324,12 +333,16 @@ class _Call:
 
     @property
     def _rows(self):
-        """Cycles or times, as other functions take them."""
+        """A dict, "cycles" (their number) or "times" (rows,), keyword arguments of the functions that solve a scene."""
         cycles = self.run.scene.period is not None
         return {"cycles": len(self.run.times) - 1} if cycles else {"times": self.run.times[1:]}
 
     def result(self, method, reason, sides, errors, realizations, interrupted=False):
-        """Return the `Probability` of a method: `sides` (rows, 2), `errors` (rows, 3) or a number."""
+        """Return the `Probability` by a method.
+
+        `method`, `reason`, `realizations` and `interrupted` are its fields. `sides` (rows, 2): probability of having
+        overturned to the left and to the right; `errors`: (rows, 3), of survival and of these, or a number for all.
+        """
         left, right = np.asarray(sides, dtype=float).T.copy()
         return Probability(
             scene=self.run.scene,

@@ -110,7 +110,11 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
 
 
 def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
-    """Draw what `surface_figure` draws on axes, and return the filled contours."""
+    """Draw the probability over scale and parameter on matplotlib `axes`, with the medians of the fits.
+
+    `result` is a `Fragility` over a parameter, `which` the index of the probability: 0 overturning, 1, 2, ... the
+    levels. Return the filled contours (matplotlib's), for a colour bar.
+    """
     filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
     medians = np.array([fits[which].median for fits in result.fits])
     axes.plot(medians, result.place, "o", color=pictures.COLOURS[1], label="median of the lognormal fit")
@@ -119,7 +123,10 @@ def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
 
 
 def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
-    """Draw probabilities (up, across) over two positive parameters as contours, and return the filled ones."""
+    """Draw probabilities (m, n) as contours on matplotlib `axes`, and return the filled ones, for a colour bar.
+
+    Both parameters are positive and ascend: `across` (n,) to the right, `up` (m,); the axes become logarithmic.
+    """
     values = np.clip(probability, 0.0, 1.0)
     filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=pictures.SURFACE)
     lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
@@ -132,7 +139,7 @@ def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
 
 
 def message(result: Any) -> str:
-    """Return the title of a picture of a `Fragility`: the scales, or their range, at which half of the blocks overturn.
+    """Return the title (str) of a picture of a `Fragility`: the scale, or range, at which half of the blocks overturn.
 
     They are interpolated between the probabilities, along the logarithm of the scale; no fit is used.
     """
@@ -153,7 +160,10 @@ def message(result: Any) -> str:
 
 
 def _half(scale, probability):
-    """Return the first scale, interpolated in its logarithm, at which the probability rises to one half, or nan."""
+    """Return the first scale (float), interpolated in its logarithm, at which the probability rises to 1/2, or nan.
+
+    `scale` (n,) ascends; `probability` (n,), nan where unknown.
+    """
     finite = np.isfinite(probability)
     scale, probability = scale[finite], probability[finite]
     above = np.flatnonzero(probability >= 0.5)
@@ -183,14 +193,20 @@ def small_figure(result: Any) -> Any:
 
 
 def _surface(figure, axes, result, which):
-    """Draw a surface with legend and colour bar."""
+    """Draw a `Fragility` over a parameter on `axes`, with legend, and a colour bar in `figure`, both matplotlib's.
+
+    `which`: index of the probability.
+    """
     filled = draw_surface(axes, result, which)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
     figure.colorbar(filled, ax=axes, label=_event(result, which))
 
 
 def _curves(axes, result, m, events):
-    """Draw the probabilities of some events, by index, of scene m with their fits, over the scale."""
+    """Draw the probabilities of some `events` of scene m of a `Fragility`, with their fits, over the scale, on `axes`.
+
+    `events`: their indices, 0 overturning, 1, 2, ... the levels.
+    """
     for which in events:
         _curve(axes, result, m, which, pictures.COLOURS[which % 4], "osD^"[which % 4], fit=True)
     # Limits are set, as there may be no answer at all, and then nothing that a logarithmic axis could begin with.
@@ -201,7 +217,10 @@ def _curves(axes, result, m, events):
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
-    """Draw the probability of an event of scene m with its limits, and its lognormal fit."""
+    """Draw the probability of event `which` (index) of scene m of a `Fragility` with its limits, on matplotlib `axes`.
+
+    `colour`, `marker`: as matplotlib takes them; `fit`: whether the lognormal fit is drawn too.
+    """
     finite = np.isfinite(result.probability[m, which])
     scale, values = result.scale[finite], result.probability[m, which, finite]
     engine = "density solver" if result.engine == "density" else f"Monte Carlo {result.engine}"
@@ -221,7 +240,10 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 
 
 def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
-    """Draw the probability with its limits against the intensity, each record, and the curve that is used."""
+    """Draw an `IntensityCurve` on matplotlib `axes`: the probability with its limits, and the curve that is used.
+
+    `records` (r, n): the probabilities of each motion at the curve's intensities, drawn too where there are several.
+    """
     colour = pictures.COLOURS[0]
     for number, row in enumerate(records if len(records) > 1 else ()):
         label = "" if number else f"each of {len(records)} records"
@@ -242,7 +264,10 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade."""
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade.
+
+    `set_scale`: ``axes.set_xscale`` or ``set_yscale``; `axis`: ``axes.xaxis`` or ``yaxis`` of matplotlib.
+    """
     from matplotlib.ticker import LogLocator, NullLocator
 
     set_scale("log")
@@ -254,12 +279,15 @@ def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
 
 
 def _event(result, which):
-    """Return the label of a probability."""
+    """Return the label (str) of a probability of a `Fragility`, by its index `which`, as "P(overturned)"."""
     return "P(overturned)" if which == 0 else f"P(max {result.names[which]})"
 
 
 def _notes(results):
-    """Return sample size, meaning of the scale and duration of the first result, and the verdicts that are not ok."""
+    """Return a list of notes, texts, below a picture of `results`, each a `Fragility`.
+
+    They are the sample size, meaning of the scale and duration of the first result, and the verdicts that are not ok.
+    """
     first = results[0]
     sizes = (f"{result.engine}: {size_of(result)}" for result in results)
     sampled = any(result.realizations and not result.deterministic.all() for result in results)
@@ -269,7 +297,7 @@ def _notes(results):
 
 
 def _duration(result):
-    """Return until when overturning counts, as a sentence."""
+    """Return until when overturning counts in a `Fragility`, as a sentence."""
     if "cycles" in result.options:
         return f"Within {result.options['cycles']} forcing cycles."
     last, after = (result.options["times"][-1], "") if "times" in result.options else (SETTLING, " after the motion")
@@ -279,7 +307,7 @@ def _duration(result):
 
 
 def size_of(result: Any) -> str:
-    """Return how many paths are behind each probability, as a text."""
+    """Return how many paths are behind each probability of a `Fragility`, as a text."""
     if result.deterministic.all():
         return "one path a point"
     return f"{result.realizations:,} realizations a point" if result.realizations else "with error estimates"
@@ -314,7 +342,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     limits = result.interval()
 
     def rows(m, place):
-        """Yield the cells of the table's rows, texts, of one place of the axis, a row for each scale."""
+        """Yield the rows of the table, lists of texts, of scene m, whose value on the axis is `place`, one a scale."""
         for n, scale in enumerate(result.scale):
             measures = result.intensities[m].columns(scale)
             strengths = [measures[name] for name in (("pga_g", "pgv_m_per_s") if sized else ("relative_velocity",))]
@@ -340,7 +368,10 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences of an `IntensityCurve`, a line for each motion last."""
+    """Return (title, table, sentences) of an `IntensityCurve`: a text, a `rich.table.Table`, and a tuple of texts.
+
+    `motions`: a line of text for each motion, which come last.
+    """
     columns = curve.table()
     rows = zip(
         *([f"{value:.4g}" if np.isfinite(value) else "-" for value in column] for column in columns.values()),

@@ -95,7 +95,7 @@ class IntensityCurve(Result):
 
     @property
     def unit(self) -> str:
-        """Unit of the intensity; empty for the scale."""
+        """Unit of the intensity, "g" or "m/s"; empty for the scale."""
         return "" if self.measure == "scale" else measure_of(self.measure).unit
 
     @property
@@ -109,7 +109,7 @@ class IntensityCurve(Result):
         return _USUAL if self.fit.reason else self.fit.dispersion
 
     def __call__(self, intensity: Number) -> Number:
-        """Return the probability at intensities: of the lognormal curve where it fits, else along the points."""
+        """Return the probability at an intensity, or array of them: of the lognormal curve if it fits, else `along`."""
         return self.fit(intensity) if self.fitted else self.along(self.probability, intensity)
 
     def along(self, points: Array, intensity: Number) -> Number:
@@ -145,7 +145,7 @@ class IntensityCurve(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """What speaks against the curve: its scenes, its fit, and how little so many motions tell."""
+        """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
         diagnostics = list(self.model)
         if self.fit.rejected:
             sentence = f"The lognormal fit is rejected ({self.fit.rejected}): it is off by up to {self.fit.misfit:.2g}."
@@ -159,13 +159,13 @@ class IntensityCurve(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on the scenes, the noise and the model."""
+        """Sentences on the scenes, the noise and the model."""
         of = (*(scene.noise.remark for scene in self.scenes), baseline_remark(scene.forcing for scene in self.scenes))
         return tuple(dict.fromkeys(filter(None, (*of, *(diagnostic.message for diagnostic in self.model)))))
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Name, measure, counts, fit and parts of the dispersion, and error figures, by name."""
+        """Plain values by name: limit state, measure, counts, the fit's, parts of the dispersion, error figures."""
         fit = {name: value for name, value in self.fit._asdict().items() if name != "level"}
         return (
             super().metadata
@@ -174,7 +174,10 @@ class IntensityCurve(Result):
         )
 
     def dataset(self) -> Dataset:
-        """Probability with its limits, and that of the lognormal fit, over the intensity in its unit."""
+        """Return the `Dataset` (named arrays) of probability, its limits, and the lognormal fit, nan without one.
+
+        A row of its table is an intensity, in its unit.
+        """
         dim = self.measure + f"_{self.unit.replace('/', '_per_')}" * bool(self.unit)
         fit = np.full(self.intensity.shape, math.nan) if self.fit.reason else self.fit(self.intensity)
         low, high = self.interval.T
@@ -332,7 +335,10 @@ def _of_suite(capacities, intensity, shares, trials, drawn, samples, rng):
 
 
 def _named(suite, records):
-    """Return number of records, and parts of the dispersion and their errors; one record has no part of its own."""
+    """Return a dict of fields of an `IntensityCurve`: "records" (int), "sources" and "source_errors" (float by name).
+
+    `suite`: what `_of_suite` returns; of one record there is no part "record to record".
+    """
     sources = {
         name: part for name, part in suite.get("sources", {}).items() if records > 1 or name != "record to record"
     }
@@ -341,7 +347,7 @@ def _named(suite, records):
 
 
 def _binomial(mean, count):
-    """Clopper's and Pearson's 95 % limits (n, 2) of means over so many independent outcomes."""
+    """Return Clopper's and Pearson's 95 % limits (n, 2) of a `mean` (n,) over `count` independent outcomes."""
     happened = mean * count
     low = scipy.special.betaincinv(np.maximum(happened, 1e-300), count - happened + 1.0, 0.025)
     high = scipy.special.betaincinv(happened + 1.0, np.maximum(count - happened, 1e-300), 0.975)
@@ -349,7 +355,7 @@ def _binomial(mean, count):
 
 
 def _with_intervals(fit, replicates):
-    """Return a fit with the 95 % intervals of replicates (b, 2), nan where there are none."""
+    """Return a `LognormalFit` with the 95 % intervals of `replicates` (b, 2), medians and dispersions; nan without."""
     if not len(replicates) or fit.reason:
         return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))
     (low, narrow), (high, wide) = np.quantile(replicates, [0.025, 0.975], axis=0).tolist()

@@ -42,12 +42,15 @@ FEW, TOO_FEW = 8.0, 3.0
 
 
 def drawn_names(prior: Mapping[str, Any]) -> list[str]:
-    """Return the names of the parameters of a prior that are drawn and have no nodes, in its order."""
+    """Return a list of the names of the d parameters of a prior that are drawn and have no nodes, in its order.
+
+    `prior`: distributions by name, as of `calibrated`.
+    """
     return [name for name in prior if name not in {SCATTERED, *CELLS}]
 
 
 def values_at(points: Array, prior: Mapping[str, Any]) -> Array:
-    """Return the parameters that are drawn (k, d) at quantiles (k, d) of their priors.
+    """Return values (k, d) of the parameters that are drawn, at quantiles `points` (k, d) of their priors.
 
     The frequency parameter is that of the middle of one of `LEVELS` cells, so that blocks share tables of a motion.
     """
@@ -141,7 +144,7 @@ class Calibration(Saved, Result):
         tests : array_like of bool, shape (n,)
             Those that count.
         observed : array_like of bool, shape (n,), optional
-            Other outcomes.
+            Other outcomes: whether the block overturned.
         """
         counted = outcomes_as_bool("tests", tests, len(self.motion))
         if observed is not None:
@@ -153,19 +156,19 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def axes(self) -> dict[str, Array]:
-        """Nodes of the median critical angle, the scatter and the share of stray outcomes, by name."""
+        """Nodes, an array each, of "critical_angle" (median, radians), "scatter" and "stray" (share), by name."""
         medians = np.geomspace(self.angles[0], self.angles[-1], FINER * (self.angles.size - 1) + 1)
         return {SCATTERED: medians} | {name: self._middles(name) for name in CELLS}
 
     def _middles(self, name):
-        """Return the nodes of the scatter or of the share of stray outcomes: 0 where the prior has none."""
+        """Return the nodes (n,) of `name`, "scatter" or "stray": [0] where the prior has none."""
         if name not in self.prior:
             return np.zeros(1)
         return np.asarray(distribution_of(name, self.prior[name]).ppf((np.arange(CELLS[name]) + 0.5) / CELLS[name]))
 
     @functools.cached_property
     def _shares(self):
-        """Probability (medians * scatters, j) that the critical angle of a test is nearest to each node."""
+        """Probability (medians * scatters, j) that the critical angle of a test is nearest to each of `angles` (j,)."""
         logs, medians = np.log(self.angles), np.log(self.axes[SCATTERED])
         edges = np.concatenate([[-math.inf], 0.5 * (logs[1:] + logs[:-1]), [math.inf]])
         away = edges - medians[:, None, None]
@@ -174,13 +177,13 @@ class Calibration(Saved, Result):
 
     @property
     def _quantiles(self):
-        """Quantiles (k, d) of the priors at which the draws are."""
+        """Quantiles (k, d), in [0, 1], of the priors at which the draws are."""
         laws = [distribution_of(name, self.prior[name]) for name in drawn_names(self.prior)]
         return np.column_stack([law.cdf(column) for law, column in zip(laws, self.draws.T, strict=True)])
 
     @functools.cached_property
     def _neighbours(self):
-        """Probabilities (k, k) that in a test the block is another draw, for a tested block that is the first one."""
+        """Probabilities (k, k), [i, q]: if the tested block is draw i, that of its own block of a test being draw q."""
         places = self._quantiles
         away = np.square((places[:, None] - places) / max(self.spread, 1e-9)).sum(axis=-1)
         near = np.exp(-0.5 * away) * self.importance
@@ -188,16 +191,16 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def _shares_overturned(self):
-        """Shares (n, k, j) of blocks that overturn, of blocks that scatter about a draw with one critical angle."""
+        """Shares (n, k, j) that overturn under n motions, of blocks about each of k draws, at each critical angle."""
         return np.einsum("kq,nqj->nkj", self._neighbours, self.overturns.astype(np.float32), optimize=True)
 
     def _with_stray(self, shares):
-        """Return P (..., l) with each share of stray outcomes, of P without (...)."""
+        """Return probabilities (..., l) of overturning with each of l shares of stray outcomes, from those without."""
         return shares[..., None] + self.axes["stray"] * (0.5 - shares[..., None])
 
     @functools.cached_property
     def _evidence(self):
-        """Log-likelihood (n, h) of each outcome at the h nodes of the posterior, in the order of `weights`."""
+        """Log-likelihood (n, h) of each of n outcomes at the h nodes of the posterior, `weights` in one row."""
         parts, outcome = [], self.observed[:, None, None]
         for overturned in self._shares_overturned.swapaxes(0, 1):
             p = self._with_stray(overturned @ self._shares.T)
@@ -206,7 +209,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def weights(self) -> Array:
-        """Posterior weights (k, medians, scatters, strays), of sum 1."""
+        """Posterior weights (k, medians, scatters, strays) of the k draws and the nodes in `axes`, of sum 1."""
         logs = self.counted.astype(np.float32) @ self._evidence
         medians = np.log(self.axes[SCATTERED])
         ends = np.concatenate([[-math.inf], np.exp(0.5 * (medians[1:] + medians[:-1])), [math.inf]])
@@ -222,7 +225,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def _masses(self):
-        """Weights (k, j), of sum 1, of the critical angles of tests of each draw."""
+        """Weights (k, j), of sum 1: of each draw of the tested block with each critical angle of a test."""
         masses = (self.weights @ (1.0 - self.axes["stray"])).reshape(len(self.draws), -1) @ self._shares
         return masses / masses.sum()
 
@@ -247,7 +250,7 @@ class Calibration(Saved, Result):
 
     @functools.cached_property
     def predicted(self) -> Prediction:
-        """Probabilities under the motions of the tests, with their intervals over the posterior."""
+        """`Prediction` under the motions of the tests: probabilities with their intervals over the posterior."""
         return self._predict(self._shares_overturned, np.arange(len(self.draws)))
 
     @functools.cached_property
@@ -258,7 +261,10 @@ class Calibration(Saved, Result):
         return float(np.sqrt((own**2) @ (means - own @ means) ** 2).max())
 
     def _predict(self, shares, draws):
-        """Return the `Prediction` of shares (n, k, j) that overturn of blocks about some draws, numbers (k,)."""
+        """Return the `Prediction` under n motions from `shares` (n, k, j) that overturn, of blocks about some draws.
+
+        `draws` (k,): numbers of these; j counts critical angles.
+        """
         weights = self.weights[draws].ravel()
         keep = weights > 1e-5 * weights.max()
         used = weights[keep] / weights[keep].sum()
@@ -269,7 +275,7 @@ class Calibration(Saved, Result):
         return Prediction(*np.array(rows, float).T)
 
     def predict(self, motions: Sequence[Record], progress: Progress | None = None) -> Prediction:
-        """Return the probability of overturning under motions that were not among the tests.
+        """Return the `Prediction`, probabilities of overturning, under motions that were not among the tests.
 
         Parameters
         ----------
@@ -316,7 +322,7 @@ class Calibration(Saved, Result):
 
     @property
     def posterior(self) -> dict[str, tuple[float, float, float]]:
-        """Median and 95 % limits of each parameter, by name."""
+        """(median, low, high), the last two 95 % limits, of each parameter, by name."""
         of_draws = self.weights.sum(axis=(1, 2, 3))
         pairs = {name: (column, of_draws) for name, column in zip(drawn_names(self.prior), self.draws.T, strict=True)}
         for place, (name, axis) in enumerate(self.axes.items(), 1):
@@ -326,11 +332,11 @@ class Calibration(Saved, Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Settings, error figures, and the posterior's median of each parameter."""
+        """Plain values by name: settings, error figures, and the posterior's median of each parameter."""
         return super().metadata | {name: row[0] for name, row in self.posterior.items()}
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Whether enough of the draws count, and whether the posterior lies within the nodes."""
+        """Return a list of `Diagnostic`: whether enough of the draws count, and the posterior lies within the nodes."""
         number = self.effective_draws
         severity = UNUSABLE if number < TOO_FEW else CAUTION if number < FEW else 0
         text = f"{number:.3g} of {len(self.draws)} draws of the block count effectively, {FEW:g} are enough"
@@ -343,19 +349,20 @@ class Calibration(Saved, Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Diagnostics that speak against the result."""
+        """Messages of the diagnostics that speak against the result."""
         return tuple(diagnostic.message for diagnostic in self.diagnostics if diagnostic.severity)
 
     @property
     def title(self) -> str:
-        """Number of tests, and what the block is."""
+        """Number of tests, and the posterior's median of each parameter, as a line of text."""
         tests, over = int(self.counted.sum()), int(self.observed[self.counted].sum())
         texts = [f"{name.replace('_', ' ')} {row[0]:.3g}" for name, row in self.posterior.items() if name != "stray"]
         return f"{tests} tests, {over} overturned: {', '.join(texts)}"
 
     def dataset(self) -> Dataset:
-        """Return a row for each motion: predicted probability with its limits, the outcome, and whether it counted.
+        """Return the `Dataset` (named arrays): predicted probability with its limits, outcome, and whether it counted.
 
+        A row of its table is a motion.
         An outcome counts where the posterior takes the test into account.
         """
         return Dataset(
@@ -371,10 +378,10 @@ class Calibration(Saved, Result):
         )
 
     def plot(self) -> Any:
-        """Draw prior and posterior of the critical angle, and outcomes over predicted probability."""
+        """Draw prior and posterior of the critical angle, and outcomes over probability; return a matplotlib figure."""
 
         def angle(_, axes):
-            """Draw the densities of the median critical angle."""
+            """Draw the densities of the median critical angle on matplotlib `axes`; the first argument is not used."""
             medians, mass = self.axes[SCATTERED], self.weights.sum(axis=(0, 2, 3))
             axes.fill_between(medians, mass / np.gradient(medians), color=COLOURS[0], alpha=0.4, label="posterior")
             axes.plot(medians, distribution_of(SCATTERED, self.prior[SCATTERED]).pdf(medians), "k:", label="prior")
@@ -385,7 +392,7 @@ class Calibration(Saved, Result):
 
 
 def _limits(values, weights):
-    """Return median, lower and upper 95 % limit, floats, of values (n,) with weights (n,) of sum 1."""
+    """Return (median, low, high), floats: of values (n,) with weights (n,) of sum 1, the last two 95 % limits."""
     order = np.argsort(values)
     shares = np.cumsum(weights[order]) - 0.5 * weights[order]
     middle, low, high = np.interp([0.5, 0.025, 0.975], shares, values[order])

@@ -86,12 +86,12 @@ class Probability(Saved, RowResult):
 
     @property
     def error(self) -> float:
-        """Error of `overturned` (95 %)."""
+        """Error of `overturned` (95 %), absolute: half the width of its interval."""
         return float(self.errors[-1, 0])
 
     @property
     def verdict(self) -> str:
-        """Return "ok", "caution" or "do not use"; `trust` has the reasons."""
+        """The verdict "ok", "caution" or "do not use"; `trust` has the reasons."""
         return self.trust.verdict
 
     @property
@@ -101,12 +101,12 @@ class Probability(Saved, RowResult):
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok" on a scene in which nothing is random."""
+        """Reason of the verdict "ok", a sentence, where nothing is random in the scene; else empty."""
         return EXACT_PATH if self.method == "one path" else ""
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of the model, of blocks that come back, of the error, and of an interruption."""
+        """A list of `Diagnostic`: of the model, of blocks that come back, of the error, and of an interruption."""
         diagnostics = self.model_diagnostics()
         diagnostics += return_diagnostics(self.scene, self.overturned, self.error, self.returns)
         if self.interrupted:
@@ -139,12 +139,15 @@ class Probability(Saved, RowResult):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Why this method was taken, what is to be said of the scene, and that a probability is below its error."""
+        """Sentences: why this method was taken, about the scene, and that a probability is below its error."""
         small = "The probability is below its error: `rtol` asks for an error in parts of the probability."
         return (self.reason, *super().remarks, *[small] * (self.error > self.overturned))
 
     def dataset(self) -> Dataset:
-        """Survival and the probabilities of either side by row, each with its error."""
+        """Return the `Dataset` (named arrays) of survival and probability to the left and right, each with its error.
+
+        A row of its table is a time.
+        """
         names = "survival", "left", "right"
         return Dataset(
             {name: ("time", getattr(self, name)) for name in names}
@@ -158,17 +161,17 @@ class Probability(Saved, RowResult):
         )
 
     def summary(self) -> dict[str, Any]:
-        """`overturned`, `error` and the verdict, and all of `Result.summary`, for JSON."""
+        """Return a dict for JSON: "overturned", "error" and "verdict", and all of `Result.summary`."""
         return {"overturned": self.overturned, "error": self.error, "verdict": self.verdict} | super().summary()
 
     def plot(self) -> Any:
-        """Draw the probability of having overturned, and its share to the left, with their errors."""
+        """Draw the probability of having overturned, and that to the left, with errors; return a matplotlib figure."""
         from matplotlib.ticker import MaxNLocator
 
         from fpk_rocking.results.pictures import COLOURS, figure_of
 
         def panel(_, axes):
-            """Draw both probabilities over the rows."""
+            """Draw both probabilities over the rows on matplotlib `axes`; the first argument is not used."""
             shown = (1.0 - self.survival, 0, "either side"), (self.left, 1, "to the left")
             for (values, column, label), colour in zip(shown, COLOURS, strict=False):
                 error = self.errors[:, column]
@@ -184,7 +187,7 @@ class Probability(Saved, RowResult):
 
 
 def _with_error(value, error):
-    """Write a probability and its error, with as many digits as the error has."""
+    """Return a probability `value` ± its `error` (floats) as a text, with as many digits as the error has."""
     if not error > 0.0:
         return f"{value:.4g}"
     digits = max(0, 1 - math.floor(math.log10(error)))

@@ -139,7 +139,7 @@ class Fragility(Saved, Result):
 
     @functools.cached_property
     def critical(self) -> CriticalIntensities | None:
-        """Critical scales of overturning of each scene, and what it does at scale 1; None with noise."""
+        """`CriticalIntensities`: critical scales of each scene, and what it does at scale 1; None with noise."""
         if self.motions is None:
             return None
         return CriticalIntensities(
@@ -157,7 +157,7 @@ class Fragility(Saved, Result):
 
     @property
     def motion_table(self) -> dict[str, Array]:
-        """Columns with a row for the motion of each scene: name, PGA, PGV, and without noise what `critical` says."""
+        """Columns (m,) by name, a row for each scene's motion: name, PGA, PGV; without noise those of `critical`."""
         return motion_table(self.scenes, self.critical)
 
     @functools.cached_property
@@ -170,7 +170,7 @@ class Fragility(Saved, Result):
         return [[self._fit(curve, still) for curve in curves] for curves, still in scenes]
 
     def _fit(self, curve, deterministic):
-        """`LognormalFit` of one curve of probabilities; of a deterministic scene the reason why there is none."""
+        """Return the `LognormalFit` of a `curve` (n,) of probabilities; of one path it has a reason alone."""
         if deterministic:
             return LognormalFit(reason=f"deterministic: {_outcomes(self.scale, curve)}")
         return fit_lognormal(self.scale, curve, self.realizations or None)
@@ -182,7 +182,7 @@ class Fragility(Saved, Result):
 
     @functools.cached_property
     def pooled(self) -> IntensityCurve:
-        """Overturning against the scale, for a motion drawn from the population of the scenes: `IntensityCurve.of`."""
+        """`IntensityCurve` of overturning against the scale, for a motion drawn from the population of the scenes."""
         return IntensityCurve.of(self, "scale")
 
     @property
@@ -192,7 +192,7 @@ class Fragility(Saved, Result):
 
     @property
     def names_with_degrees(self) -> list[str]:
-        """As `names`, with the levels in degrees too where all blocks have one critical angle above 0."""
+        """Labels as `names`, with the levels in degrees too where all blocks have one critical angle above 0."""
         angle = math.degrees(_common([scene.block.critical_angle for scene in self.scenes]))
         if not angle > 0.0:
             return self.names
@@ -233,12 +233,12 @@ class Fragility(Saved, Result):
         )
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of this result beside its sampling errors, each kind once."""
+        """Return a list of `Diagnostic` of this result beside its sampling errors, each kind once."""
         return curve_diagnostics(self)
 
     @property
     def error_figures(self) -> dict[str, Any]:
-        """Largest half width of the intervals, or estimated error, over the probabilities that have an answer."""
+        """Dict with "half_width" or "error_estimate", the largest of probabilities with an answer; empty if exact."""
         limits = self.interval()
         own = {"half_width": 0.5 * np.diff(limits)} if self.realizations else {"error_estimate": self.error_estimate}
         own = {} if self.deterministic.all() else own
@@ -246,12 +246,12 @@ class Fragility(Saved, Result):
 
     @property
     def tol(self) -> float:
-        """Error that was asked for; that of a sample where none was."""
+        """Error of a probability that was asked for; where none was, as for a sample, `UNASKED`."""
         return self.options.get("tol", UNASKED)
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok" where all scenes are deterministic."""
+        """Reason of the verdict "ok", a sentence, where all scenes are deterministic; else empty."""
         return EXACT_PATH if self.deterministic.all() else ""
 
     @property
@@ -298,8 +298,9 @@ class Fragility(Saved, Result):
         return text + f". At the median: {measures}" * bool(measures) + "."
 
     def dataset(self) -> Dataset:
-        """Probabilities with their limits, fits, levels and intensities, over scenes, scales and levels.
+        """Return the `Dataset` (named arrays) of probabilities with their limits, fits, levels and intensities.
 
+        A row of its table is a scene, a scale and a level.
         The level of overturning is inf among the coordinates.
         """
         limits, dims, last = self.interval(), (self.axis, "level", "scale"), len(self.level)
@@ -336,7 +337,7 @@ class Fragility(Saved, Result):
         )
 
     def table(self) -> dict[str, Array]:
-        """Columns of the table; its "level" of overturning is the angle at which the block overturns."""
+        """Return the table's columns by name; its "level" of overturning is the angle at which a block overturns."""
         columns = super().table()
         columns["level"] = columns.pop("event_angle")
         return columns
@@ -351,7 +352,7 @@ class Fragility(Saved, Result):
         return small_figure(self)
 
     def summary(self) -> dict[str, Any]:
-        """Return fields without scenes, limits, fits, intensities, verdict and remarks as plain values, for JSON."""
+        """Return a dict for JSON: fields other than the scenes, limits, fits, intensities, verdict and remarks."""
         own = {field.name for field in dataclasses.fields(self)} - {"scenes", "probability", "noise_replacement"}
         values = {
             name: getattr(self, name) for name in (*sorted(own), "overturned", "reached", "deterministic", "remarks")
@@ -364,7 +365,7 @@ class Fragility(Saved, Result):
 
 
 def _outcomes(scale, curve):
-    """Return at which scales one path overturns, or reaches a level, as a text; the curve (n,) is of 0, 1 and nan."""
+    """Return at which of `scale` (n,) a path overturns, or reaches a level, as a text; `curve` (n,) is 0, 1 or nan."""
     over = curve == 1.0
     if not over.any():
         return f"happens at none of {over.size} scales"
@@ -375,11 +376,11 @@ def _outcomes(scale, curve):
 
 
 def _common(values):
-    """Return the first value where all are equal, nan where they differ."""
+    """Return the first of `values`, a list of float, where all are equal up to 1e-9 of it; nan where they differ."""
     # Blocks of other sizes round a measure differently.
     return values[0] if all(math.isclose(value, values[0], rel_tol=1e-9) for value in values) else np.nan
 
 
 def _limits(interval):
-    """Return confidence limits as a text, empty where they are nan."""
+    """Return confidence limits, a pair of floats, as a text " (0.9 to 1.1)"; empty where they are nan."""
     return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""

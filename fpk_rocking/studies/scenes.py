@@ -41,7 +41,7 @@ class Grid(NamedTuple):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values of each parameter."""
+        """Number of values of each parameter, in the order of `axes`."""
         return tuple(len(values) for values in self.axes.values())
 
     def parameters(self, number: int) -> dict[str, float]:
@@ -73,6 +73,7 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     Returns
     -------
     Grid
+        Named tuple: `scenes`, the last axis changing fastest, and `axes`, the values of each parameter by name.
 
     Raises
     ------
@@ -213,7 +214,10 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
 
 
 def _with_size(scene, new):
-    """Return the scene of a block of a `new` size, `Dimensions` or `Body`, as `resized` does."""
+    """Return a copy of a scene with a block of a `new` size, `Dimensions` or `Body`, under the same shaking.
+
+    As of `resized`: the start keeps its radians and seconds.
+    """
     block, start = scene.block, scene.start
     old, own = block.size, block.restitution
     angle = old.critical_angle / new.critical_angle
@@ -240,14 +244,14 @@ def _with_size(scene, new):
 
 
 def _body_of(scene, name):
-    """Return the `Body` of a scene's block, or refuse a parameter that needs one."""
+    """Return the `Body` of a scene's block; ValueError where it has none, with the `name` of the parameter."""
     if scene.block.body is None:
         raise ValueError(checks.refusal("parameter", name, "only where the scene has [block.body]; this one has none"))
     return scene.block.body
 
 
 def dimensions_of(scene: Scene, name: str) -> Dimensions:
-    """Return the dimensions of a scene's block, or refuse a parameter that needs them."""
+    """Return the `Dimensions` of a scene's block; ValueError where it has none, with the `name` of the parameter."""
     if scene.block.dimensions is None:
         raise ValueError(
             checks.refusal(
@@ -258,7 +262,10 @@ def dimensions_of(scene: Scene, name: str) -> Dimensions:
 
 
 def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
-    """Return a tuple of scenes, at least one."""
+    """Return scenes, a sequence of `Scene`, as a tuple; TypeError or ValueError for anything else, or for none.
+
+    `name` is that of the parameter, for the message.
+    """
     accepted = "one or more scenes"
     scenes = checks.sequence(name, scenes, accepted)
     if not scenes:

@@ -22,11 +22,14 @@ class WantedError(NamedTuple):
     rtol: float
 
     def of(self, share: float) -> float:
-        """Return the error that is small enough for a probability."""
+        """Return the error (float) that is small enough for a probability `share`: `tol`, or `rtol` of it if larger."""
         return max(self.tol, self.rtol * share)
 
     def paths(self, overturned: int, paths: int) -> float:
-        """Return how many paths are needed, from how many of some overturned: by the limits of their share."""
+        """Return how many paths are needed in all (a float), by the 95 % limits of the share that overturned so far.
+
+        `overturned` (int) of a number of `paths` (int) have overturned.
+        """
         low, high = wilson_interval(overturned, paths).tolist()
         widest = min(max(0.5, low), high)
         absolute = 1.02 * widest * (1.0 - widest) * (QUANTILE / self.tol) ** 2 + QUANTILE**2 if self.tol else math.inf
@@ -35,7 +38,10 @@ class WantedError(NamedTuple):
         return min(absolute, relative)
 
     def next_stage(self, overturned: int, paths: int) -> int:
-        """Return how many paths there are after the next stage: what is needed, within the factors of a stage."""
+        """Return how many paths (int) there are to be after the next stage: 1.25 to 16 times as many as now.
+
+        `overturned` (int) of a number of `paths` (int) so far have overturned.
+        """
         return int(min(max(self.paths(overturned, paths), 1.25 * paths), GROWTH * paths))
 
 
@@ -50,7 +56,7 @@ class SideCounts:
         self.times, self.paths, self.sides = times, 0, np.zeros((len(times), 2), np.int64)
 
     def add(self, batch: Any) -> None:
-        """Add a `Batch` of realizations."""
+        """Add the realizations of a `Batch` of `montecarlo.engines.batches` to the counts."""
         over = batch.overturn_side != 0
         rows = np.searchsorted(self.times, batch.overturn_time[over])
         passages = np.zeros_like(self.sides)
@@ -61,7 +67,7 @@ class SideCounts:
 
     @property
     def columns(self) -> Array:
-        """Numbers of paths that stand, and that overturned to either side, (rows, 3)."""
+        """Numbers of paths that stand, and that overturned to the left and to the right, by time: ints, (rows, 3)."""
         return np.column_stack([self.paths - self.sides.sum(axis=1), self.sides])
 
     @property
@@ -71,6 +77,6 @@ class SideCounts:
 
     @property
     def half_widths(self) -> Array:
-        """Larger distance of the shares in `columns` from the limits of their 95 % intervals, (rows, 3)."""
+        """Larger distance of the shares that stand, overturned left and right from their 95 % limits, (rows, 3)."""
         limits = wilson_interval(self.columns, self.paths)
         return np.abs(limits - (self.columns / self.paths)[..., None]).max(axis=-1)

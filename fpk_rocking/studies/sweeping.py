@@ -56,7 +56,7 @@ class Sweep(Result):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Number of values of each parameter of a grid; the number of scenes of a list."""
+        """Number of values of each parameter of a grid; (scenes,) of a list."""
         return tuple(map(len, self.axes.values())) or (len(self.rows),)
 
     def values(self, name: str) -> Array:
@@ -97,7 +97,7 @@ class Sweep(Result):
         write_csv(path, columns, zip(*columns.values(), strict=True))
 
     def _table(self, missing):
-        """Columns of numbers and texts by name; `missing` stands where a row has no value of a name."""
+        """Return columns, lists of numbers and texts, by name; `missing` stands where a row has no value of a name."""
         names = dict.fromkeys(
             key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
         )
@@ -112,17 +112,17 @@ class Sweep(Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Numbers of scenes, of those that failed and of those with each verdict, and seconds, by name."""
+        """Numbers by name: "scenes", "failed", of each verdict that some scenes have, and "wall_s", seconds."""
         return {"scenes": len(self.rows), "failed": len(self.failed)} | self._verdicts() | {"wall_s": self.wall_s}
 
     def _verdicts(self):
-        """Return the number of scenes with each verdict that some have."""
+        """Return a dict of the number of scenes by verdict, of those verdicts that some have."""
         verdicts = [row["values"].get("trust") for row in self.rows]
         return {name: verdicts.count(name) for name in VERDICTS if name in verdicts}
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """Scenes that failed, have no verdict, or one that is not "ok"."""
+        """A list of `Diagnostic`: of scenes that failed, have no verdict, or one that is not "ok"."""
         against, count, verdicts = [], len(self.rows), self._verdicts()
         if self.failed:
             sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
@@ -140,7 +140,7 @@ class Sweep(Result):
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok": that of the scenes."""
+        """Reason of the verdict "ok", as a sentence: that of the scenes."""
         count = self._verdicts().get(VERDICTS[0], 0)
         return f'{count} of {len(self.rows)} scenes have the verdict "{VERDICTS[0]}".'
 
@@ -156,16 +156,16 @@ class Sweep(Result):
         return f"{len(self.rows):,} scenes{' over ' * bool(over)}{over}, {len(self.failed):,} failed"
 
     def table(self) -> dict[str, Array]:
-        """Columns of `to_csv` without the seeds, each of shape (scenes,); nan where a row has no such value."""
+        """Return the columns of `to_csv` but the seeds, arrays (scenes,) by name; nan where a row has no such value."""
         return {name: np.array(values) for name, values in self._table(np.nan).items() if name != "seed"}
 
     def dataset(self) -> Dataset:
-        """All numbers among the values over the axes of the grid, or over the scenes of a list."""
+        """Return the `Dataset` of all numbers among the values: arrays over the grid's axes, or a list's scenes."""
         dims, places = tuple(self.axes) or ("cell",), {name: np.array(values) for name, values in self.axes.items()}
         return Dataset({name: (dims, self.values(name)) for name in self._numbers()}, places, rows=dims)
 
     def _numbers(self):
-        """Return the names of the values that are numbers, or lists of numbers."""
+        """Return a list of the names of the values that are numbers, or lists of numbers."""
         values = {key: value for row in self.rows for key, value in row["values"].items()}
         last = {name: value[-1] if isinstance(value, list) and value else value for name, value in values.items()}
         return [name for name, value in last.items() if isinstance(value, int | float)]
@@ -189,7 +189,7 @@ class Sweep(Result):
         first, *others = self.axes.items() or [("scene", range(len(self.rows)))]
 
         def panel(_, axes):
-            """Draw the values over the first axis, a line for each combination of the others."""
+            """Draw the values over the first parameter on matplotlib `axes`; the first argument is not used."""
             lines = values.reshape(len(first[1]), -1).T
             for line, place in zip(lines, itertools.product(*(axis for _, axis in others)), strict=True):
                 label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
@@ -243,7 +243,8 @@ def sweep(
     Returns
     -------
     Sweep
-        A scene that fails, or that ends its worker process, has a row with the reason.
+        `rows`, a dict for each scene, with what the task returned under "values". A scene that fails, or that ends its
+        worker process, has a row with the reason.
 
     Raises
     ------

@@ -18,7 +18,8 @@ from montecarlo.simulation import simulate
 def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
     """Sample a scene by `montecarlo.simulate`; return a dict of plain values.
 
-    "survival": a list by row; "survivors" of the last row, and "realizations": int; "method", "trust": texts.
+    "survival": a list by row; "survivors" of the last row, and "realizations": int; "method", "trust" (the verdict):
+    texts. `options`: keyword arguments of `simulate`.
     """
     result = simulate(scene, seed=seed, **options)
     return {
@@ -31,7 +32,11 @@ def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
 
 
 def fpk(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed; a density has no use for it)
-    """Solve a scene by `fpk_rocking.solve_fpk`, not refined for bins; return survival, errors, verdict by name."""
+    """Solve a scene by `fpk_rocking.solve_fpk`, not refined for bins; return a dict of plain values.
+
+    "survival": a list by row; "error_estimate", "mass_defect", "negative_mass": floats; "noise_replacement", "trust"
+    (the verdict): texts. `options`: keyword arguments of `solve_fpk`; `seed` is not used.
+    """
     result = solve_fpk(scene, **{"bins_tol": math.inf} | options)
     return {
         "survival": np.asarray(result.survival).tolist(),
@@ -48,7 +53,10 @@ TASKS = {"mc": mc, "fpk": fpk}
 
 
 def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[str]:
-    """Return the names in `base.precompilation` of the kernels that a task of `TASKS` calls for some scenes."""
+    """Return a sorted list of the tasks, texts, of `base.precompilation` that compile what a task of `TASKS` calls.
+
+    They are those for `scenes` and for the `options` of the task; none for a function that is not in `TASKS`.
+    """
     names: set[str] = set()
     for scene in scenes:
         if task is mc:
@@ -118,13 +126,16 @@ def checked(
 
 
 def expect_check(scene: Scene) -> None:
-    """Announce that the density of a scene will be checked: the kernels of that are compiled beside the solver's."""
+    """Have the kernels of a check of a scene's density compiled beside the solver's; nothing is returned.
+
+    A check follows paths under band noise; for other noise this does nothing.
+    """
     if scene.noise.kind == "band":
         precompilation.queue_for_helpers(task_of(engine_of(scene), scene))
 
 
 def _check_size(scene, realizations, seed):
-    """Return number of paths and seed of a check, or refuse them."""
+    """Return (realizations, seed) of a check, integers, the default number of paths for None; ValueError if wrong."""
     checks.instance("scene", scene, Scene)
     usual = 10_000 if scene.forcing.dimensional else CHECK_PATHS
     realizations = usual if realizations is None else checks.count("realizations", realizations)
@@ -162,7 +173,7 @@ class SlendernessCost(NamedTuple):
 
     @property
     def difference(self) -> float:
-        """What taking the block as slender adds to the probability of overturning."""
+        """What taking the block as slender adds to the probability of overturning: `slender` - `exact`."""
         return self.slender - self.exact
 
     def __str__(self):
@@ -182,7 +193,7 @@ def slenderness_cost(
     seed: int = 1,
     method: str | None = None,
 ) -> SlendernessCost:
-    """Difference that the slender equation makes in the survival of a block with dimensions, by Monte Carlo.
+    """Measure what the slender equation adds to the probability of overturning of a block, by Monte Carlo.
 
     Both equations meet the same realizations of the noise and of the start. It holds for a result of the density solver
     as well, as far as its noise is that of the scene.
@@ -199,6 +210,8 @@ def slenderness_cost(
     Returns
     -------
     SlendernessCost
+        Named tuple: probability by the `exact` and by the `slender` equation, `standard_error` of their `difference`,
+        `realizations`.
 
     Raises
     ------

@@ -14,12 +14,15 @@ ENGINES = exact.SLENDER, exact.ENVELOPED, exact.EXACT_BLOCK, rk4.ENGINE, white.E
 
 
 def engines_for(scene, method=None):
-    """Return the list of `Engine` that take a scene, of one method (by its name) or of any, the default first."""
+    """Return a list of the `Engine` objects that take a `Scene`, the default first.
+
+    `method`: a name, as "exact", to which they are restricted, or None for all; the list may be empty.
+    """
     return [engine for engine in ENGINES if engine.takes(scene) and method in (None, engine.method)]
 
 
 def engine_of(scene, method=None):
-    """Return the `Engine` that simulates a scene by a method (its name), or by the first that fits for None.
+    """Return the `Engine` that simulates a `Scene` by a `method`, a name as "exact"; None: by the first that fits.
 
     Raises
     ------
@@ -41,5 +44,8 @@ def engine_of(scene, method=None):
 
 
 def task_of(engine, scene):
-    """Return the task of `fpk_rocking.base.precompilation` that compiles an `Engine` for a scene, as a text."""
+    """Return the task that compiles `engine`, an `Engine`, for the block of a `Scene`: a text "module:function".
+
+    `fpk_rocking.base.precompilation` takes such texts.
+    """
     return precompilation.task_for_block(f"fpk_rocking.least_runs:{engine.task}", scene)

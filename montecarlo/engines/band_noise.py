@@ -41,9 +41,9 @@ class Band(NamedTuple):
 
 
 def band_of_scene(scene, period):
-    """Return the `Band` of a scene, in turns per table period of duration `period`, nondimensional.
+    """Return the named tuple `Band` of a `Scene`, its frequencies in turns in a time `period`, nondimensional.
 
-    Without noise it has no harmonics.
+    `period` is the duration of the table period. Without noise the band has no harmonics.
     """
     if scene.noise.kind != "band":
         return Band(0.0, 0.0, 0.0, 0, 1, False)
@@ -56,10 +56,11 @@ def band_of_scene(scene, period):
 
 @kernel(inline="always")
 def draw_start_and_noise(stream, start, band, harmonics):
-    """Draw the start and the harmonics of one realization, in this order; return angle and velocity.
+    """Draw the start and the harmonics of one realization; return (angle, velocity) at τ = 0, nondimensional.
 
-    Those are at τ = 0. `stream`: random numbers; `start` (5,): from `start_parameters`; `band`: a `Band`. Of the
-    `band.Realization` `harmonics`, `ratios`, `phases` and `weights` are written.
+    `stream` (4,) uint64: state of the random numbers; `start` (5,): from `start_parameters`; `band`: a `Band`. Of
+    `harmonics`, a named tuple, the arrays `ratios` (turns per table period), `phases` (turns) and `weights`
+    (amplitudes) are written, each of `band.harmonics` numbers or longer.
     """
     angle, velocity = draw_start(stream, start)
     uniform_pairs(stream, harmonics.ratios, harmonics.phases, band.harmonics)
@@ -75,9 +76,10 @@ def draw_start_and_noise(stream, start, band, harmonics):
 
 
 def _largest_noise(noise, harmonics):
-    """Return a bound of band noise without the factor of its envelope, or 0 without noise; `harmonics`: its `Band`.
+    """Return a bound (float) of |η|, band noise without the factor of its envelope, nondimensional; 0 without noise.
 
-    Equal amplitudes have a sum. Gaussian noise has none, but passes 12 standard deviations with a probability of 4e-33.
+    `noise`: that of a scene; `harmonics`: its `Band`. Equal amplitudes have a sum. Gaussian noise has none, but passes
+    12 standard deviations with a probability of 4e-33.
     """
     if harmonics.gaussian:
         return 12.0 * math.sqrt(noise.variance)
@@ -152,9 +154,11 @@ class Collocation(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
-    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`.
+    """Return the named tuple `Parameters` of a `Scene` with band noise or none.
 
-    `times` (rows,) are since the begin of the table period, by default its end alone. `steps_per_cycle` is not used.
+    `times` (rows,), at which states are wanted, are nondimensional and count from the begin of the table period (a
+    cycle, or the whole time up to the last of them); by default its end alone. A realization does not depend on them.
+    `steps_per_cycle` is not used.
     """
     forcing, envelope, exact = scene.forcing, scene.noise.envelope, scene.block.critical_angle > 0.0
     longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
@@ -200,7 +204,7 @@ def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this en
 
 
 def scaled_parameters(parameters, factor):
-    """Return the `Parameters` of a scene without noise with its forcing times a `factor` above 0.
+    """Return a copy of `parameters`, the `Parameters` of a scene without noise, with the forcing times a `factor` > 0.
 
     The tables of the forcing are linear in it. To make them anew costs several times as much as a path.
     """
@@ -216,22 +220,24 @@ def scaled_parameters(parameters, factor):
 
 
 def _closed_form(particular, polynomials, half):
-    """Return `ClosedForm` from P of the forcing and the polynomials of the interpolant (WIDTH, TERMS).
+    """Return the named tuple `ClosedForm` from P of the forcing and the polynomials of the interpolant.
 
-    `particular`: (m, TERMS), in the time since the interval's middle; `half`: half an interval's duration.
+    `particular` (m, TERMS), `polynomials` (WIDTH, TERMS): coefficients of P, the particular solution of P'' = P + f,
+    in the time since the interval's middle; `half`: half an interval's duration. All are nondimensional.
     """
     return ClosedForm(np.stack(particular_at(particular, half), axis=-1), np.stack(particular_at(polynomials, half)))
 
 
 def _response(particular, polynomials, order, half):
-    """Return `Response` from P of the forcing and the polynomials of the interpolant (WIDTH, TERMS).
+    """Return the named tuple `Response` from P of the forcing and the polynomials of the interpolant.
 
-    `particular`: (m, TERMS), in the time since the interval's middle; `order`: terms of the envelope's polynomial;
-    `half`: half an interval's duration.
+    `particular` (m, TERMS): coefficients of P, the particular solution of P'' = P + f; `polynomials` (WIDTH, TERMS):
+    of the noise; both in the time since the interval's middle. `order`: terms of the envelope's polynomial; `half`:
+    half an interval's duration. All are nondimensional.
     """
 
     def over_an_interval(particular):
-        """Angle and velocity (2, n) that flights over an interval gain from P of n forces (n, TERMS)."""
+        """Return (2, n), angle and velocity that flights over an interval gain from P of n forces (n, TERMS)."""
         return np.stack(
             forced_response(*particular_at(particular, -half), *particular_at(particular, half), 2.0 * half)
         )
@@ -242,10 +248,11 @@ def _response(particular, polynomials, order, half):
 
 
 def _collocation(force, envelope, polynomials, middles, spacing, noise_bounds):
-    """Return `Collocation` from the forcing (m, TERMS) and the polynomials of the interpolant (parts, WIDTH, TERMS).
+    """Return the named tuple `Collocation` from the forcing and the polynomials of the interpolant; nondimensional.
 
-    `force` is in the time since the intervals' `middles` (m,), which are since τ = 0, `spacing` apart; `envelope`: or
-    None. `noise_bounds`: of the first and the second derivative of the noise.
+    `force` (m, TERMS) and `polynomials` (parts, WIDTH, TERMS) are coefficients in the time since the intervals'
+    `middles` (m,), which are times τ, `spacing` apart; `envelope`: that of the noise, or None. `noise_bounds`: a pair
+    of floats, bounds of the noise's first and second derivative.
     """
     times = 0.5 * spacing * (2.0 * PLACES - 1.0)
     order, half = np.arange(TERMS), 0.5 * spacing
@@ -260,9 +267,10 @@ def _collocation(force, envelope, polynomials, middles, spacing, noise_bounds):
 
 
 def _eventless_angles(low, high, spacing, block):
-    """Return `least`, `most` and `stays` of `Parameters` from bounds `low`, `high` (m,) of the force.
+    """Return three arrays of `Parameters`, `least` (m, 2), `most` (m, 2) and `stays` (m,) of bool.
 
-    `spacing`: duration of an interval; `block`: `KernelBlock`.
+    `low`, `high` (m,): bounds of the force in each interval; `spacing`: duration of one; `block`: `KernelBlock`. The
+    folded angles `least` and `most` are indexed [interval, side < 0 or > 0]. All are nondimensional.
     """
     (below, above), stays = np.empty((2, low.size, 2)), np.empty(low.size, np.bool_)
     _write_clearances(low, high, spacing, block, below, above, stays)
@@ -271,10 +279,11 @@ def _eventless_angles(low, high, spacing, block):
 
 @kernel
 def _write_clearances(low, high, spacing, block, below, above, stays):
-    """Write to `below`, `above` (m, 2) how far flights may leave their chord, indexed [interval, side].
+    """Write to `below`, `above` (m, 2) how far flights may leave the chord between their ends, as angles.
 
-    `low`, `high` (m,) are bounds of the force; `spacing`: duration of an interval. Whether a block at rest surely stays
-    is written to `stays` (m,).
+    They are indexed [interval, side < 0 or > 0]. `low`, `high` (m,) are bounds of the force, `spacing` is the duration
+    of an interval, all nondimensional, and `block` a `KernelBlock`. Whether a block at rest surely stays is written to
+    `stays` (m,), of bool.
     """
     for j in range(low.size):
         stays[j] = not can_lift_off(low[j], high[j], block)
@@ -299,7 +308,7 @@ class Workspace(NamedTuple):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread, for the number of harmonics and the intervals of these `Parameters`."""
+    """Return the named tuple `Workspace` of a thread, arrays of the sizes that `parameters`, a `Parameters`, need."""
     samples, rows = allocate_samples(parameters.band.harmonics), np.empty((4, TERMS))
     half = 0.5 * parameters.grid.spacing
     exponentials, bend = parameters.exponentials, parameters.bend

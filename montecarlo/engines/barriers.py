@@ -35,8 +35,9 @@ from montecarlo.tuning import TUNING
 
 @kernel
 def safe_step(gap, slope, bend, reach, limit, shortest):
-    """Longest step h, up to `limit`, in which a gap between folded angle and barrier stays open; nondimensional.
+    """Return the longest step h, up to `limit`, in which a gap between folded angle and barrier stays open.
 
+    All are nondimensional floats: `gap` is now, `slope` its rate, `bend` a lower bound, <= 0, of its second derivative.
     It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. With
     bend <= 0 that is concave in h, so Newton's iteration comes down on the root from above; it stops once nine tenths
     of `reach` are kept, or below `shortest`.
@@ -63,12 +64,14 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 @kernel
 def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, origin):
-    """Return u, w, side and the time of a draw (u, w) at `end` that lies beyond x = 0, or was meant to end there.
+    """Return (u, w, side, time) right after the impact of a block that was drawn beyond x = 0, or just before it.
 
-    They are those right after the impact, if there is one. It lies on the parabola through the drawn state; where that
-    has none within the step from `start`, the motion since the impact is the drawn one scaled by the restitution. Times
-    count from the begin of the `Segment`, at `origin` since τ = 0; `latest` is the latest for an impact: `end`, or that
-    of a step that was to end with it. `impacts` records it, unless None. `parameters`: those of the engine `white`.
+    (u, w) are the folded angle and velocity, s x and s v, drawn for the time `end`, and `side` is s, 1 or -1; without
+    an impact they are returned as they are. The impact lies on the parabola through the drawn state; where that has
+    none within the step from `start`, the motion since the impact is the drawn one scaled by the restitution, and the
+    time is `end`. Times count from the begin of the `Segment`, at `origin` since τ = 0; `latest` is the latest for an
+    impact: `end`, or that of a step that was to end with it. `impacts`: an `ImpactRecord`, or None for no record;
+    `parameters`: those of the engine `white`. All are nondimensional.
     """
     restitution = restitution_from(side, parameters.block)
     pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
@@ -89,10 +92,11 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
 
 @kernel(inline="always")
 def nystrom_step(u, w, side, begin, middle, end, h, block):
-    """Folded angle and velocity after a step h of Nyström's method of order 4, and κ cos φ halfway.
+    """Return (u, w) after a step of Nyström's method of order 4, and κ cos φ halfway: three floats, nondimensional.
 
-    (u, w) is before it; `begin`, `middle`, `end` are the force at these times, nondimensional. κ cos φ is the factor of
-    the noise. The method is that for forces which do not depend on the velocity.
+    u = s x and w = s v are the folded angle and velocity, those passed are before the step, and `side` is s, 1 or -1;
+    `begin`, `middle`, `end` are the force f at these times, `h` the duration, `block` a `KernelBlock`. κ cos φ is the
+    factor of the noise. The method is that for forces which do not depend on the velocity.
     """
     first = acceleration(u, side, begin, block)
     halfway = u + 0.5 * h * (w + 0.25 * h * first)
@@ -104,9 +108,10 @@ def nystrom_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _slender_mean(x, v, side, segment, start, end, block):
-    """Angle and velocity of a slender block at `end` of a step without noise, and the noise's factor in it: 1.
+    """Return (angle, velocity, 1.0) of a slender block at `end` of a step without noise; 1 is the noise's factor.
 
-    (x, v) is at `start`; both times count from the begin of the `Segment`.
+    (x, v), angle and velocity, are at `start`; both times count from the begin of the `Segment`. All are
+    nondimensional. `side` is 1 or -1, `block` a `KernelBlock`.
     """
     x, v = slender_flight_end(x, v, side, segment, start, end, block)
     return x, v, 1.0
@@ -114,9 +119,10 @@ def _slender_mean(x, v, side, segment, start, end, block):
 
 @kernel(inline="always")
 def _exact_mean(x, v, side, segment, start, end, block):
-    """Angle and velocity of an exact block at `end` of a step without noise, and the noise's factor cos φ in it.
+    """Return (angle, velocity, factor) of an exact block at `end` of a step without noise; the noise's is κ cos φ.
 
-    (x, v) is at `start`; both times count from the begin of the `Segment`.
+    (x, v), angle and velocity, are at `start`; both times count from the begin of the `Segment`. All are
+    nondimensional. `side` is 1 or -1, `block` a `KernelBlock`.
     """
     begin, middle = value_and_slope(segment.force, start)[0], value_and_slope(segment.force, 0.5 * (start + end))[0]
     last = value_and_slope(segment.force, end)[0]
@@ -129,11 +135,12 @@ _mean = dispatch_on_block(_slender_mean, _exact_mean)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, impacts, origin):
-    """Take one step near a barrier in interval j, from `start` up to `limit`; return u, w, side, time reached.
+    """Take one step near a barrier in interval j, from `start` up to `limit`; return (u, w, side, time reached).
 
-    u >= cutoff means overturned. Times count from the begin of the interval, whose `Segment` is the forcing's and which
-    is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None. `stream` (4,) gives the random numbers;
-    `parameters`: those of the engine `white`.
+    u = s x and w = s v are the folded angle and velocity, and `side` is s, 1 or -1, all nondimensional; u at or above
+    the cut-off of the block means overturned. Times count from the begin of the interval, whose `Segment` is the
+    forcing's and which is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None. `stream` (4,) uint64: state
+    of the random numbers; `parameters`: those of the engine `white`.
     """
     block, left, diffusion, reach = parameters.block, limit - start, parameters.diffusion[j], parameters.reach[j]
     cutoff = block.cutoff
@@ -164,15 +171,15 @@ def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, 
 
 @kernel
 def _mean_negative_part(ratio):
-    """Mean of the negative part of a normal number of mean 1 and standard deviation 1/ratio."""
+    """Return the mean of max(-y, 0) for a normal number y of mean 1 and standard deviation 1/`ratio`, a float."""
     return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))
 
 
 @kernel
 def _draw_beyond(stream, ratio):
-    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0.
+    """Return a random number y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0.
 
-    `stream` (4,) gives the random numbers.
+    `stream` (4,) uint64: state of the random numbers, which is advanced.
     """
     while True:
         if ratio < 1.0:
@@ -187,18 +194,18 @@ def _draw_beyond(stream, ratio):
 
 @kernel
 def first_return(stream, speed, pull, growth, diffusion, least):
-    """Draw the time and the speed at which a block is back at x = 0.
+    """Draw the time and the speed at which a block is back at x = 0; all are nondimensional.
 
     Parameters
     ----------
-    stream : ndarray (4,)
-        Random numbers.
+    stream : ndarray of uint64, shape (4,)
+        State of the random numbers, which is advanced.
     speed : float
         At which it leaves, > 0.
     pull, growth : float
         The acceleration towards x = 0 is pull + growth t, pull > 0.
     diffusion : float
-        D.
+        D, of white noise of the correlation 2 D δ.
     least : float
         Lower bound, for all times that come up, of the mean of the arrival speed at a known time over its standard
         deviation; with growth >= 0 the root of `speed` in units of D/pull.
@@ -206,7 +213,7 @@ def first_return(stream, speed, pull, growth, diffusion, least):
     Returns
     -------
     time, speed : float
-        The time is inf where the pull has ended before.
+        Time since it left, and speed of arrival, > 0. (inf, 0) where the pull has ended before.
     """
     width, most = math.sqrt(8.0 / 3.0) * math.sqrt(diffusion), _mean_negative_part(least) if least < 8.0 else 0.0
     while True:
@@ -243,14 +250,15 @@ def first_return(stream, speed, pull, growth, diffusion, least):
 
 @kernel(forceinline=True)  # see events.next_event
 def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
-    """Draw the bounce of a block that leaves x = 0 in interval j at w > 0; return w and side after it, and its time.
+    """Draw a low bounce, from an impact at x = 0 in interval j to the next; return (speed, side, time) after it.
 
-    The side is 0 where the bounce is not low enough, could last beyond `until`, or meets a pull that changes too much
-    for a linear one. `time` is that of the impact that it leaves; like `until` and the one returned it counts from the
-    interval's begin, at `origin` since τ = 0. The linear pull is that with the impulse and the first moment of the
+    The block leaves at the speed `w` > 0 to its `side`, 1 or -1, at `time`; speed > 0, side and time returned are right
+    after the next impact. They are (w, 0, time), and nothing happens, where the bounce is not low enough, could last
+    beyond `until`, or meets a pull that changes too much for a linear one. All times count from the interval's begin,
+    at `origin` since τ = 0; all is nondimensional. The linear pull is that with the impulse and the first moment of the
     forcing, a cubic through its values and slopes at the begin and at the middle of the flight, less the mean of the
-    angle. `impacts` is an `ImpactRecord` or None. `stream` (4,) gives the random numbers; `parameters`: those of the
-    engine `white`.
+    angle. `impacts` is an `ImpactRecord` or None. `stream` (4,) uint64: state of the random numbers; `parameters`:
+    those of the engine `white`.
     """
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, side, block)

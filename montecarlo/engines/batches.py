@@ -36,7 +36,7 @@ class Run(NamedTuple):
 
     @property
     def rows(self):
-        """Number of times beside 0: of cycles where the forcing repeats."""
+        """Number (int) of times beside 0: of cycles where the forcing repeats."""
         return len(self.times) - 1
 
 
@@ -59,11 +59,11 @@ class Batch(NamedTuple):
 
 
 def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
-    """Return the `Run` of parameters that are those of `montecarlo.simulate`.
+    """Return the named tuple `Run` of a user's parameters, those of `montecarlo.simulate`, after checks.
 
-    `realizations` may be None for a deterministic scene. Raises TypeError or ValueError for a wrong one, `progress`
-    too, which is not part of a run. `method` is a name or None, `times` (rows,) or None where there are `cycles`;
-    `seed` and `steps_per_cycle` are integers.
+    Raises TypeError or ValueError for a wrong one, `progress` (a callable or None) too, which is not part of a run.
+    `scene`: a `Scene`; `realizations` (int) may be None for a deterministic one; `method` is a name or None; `times`
+    (rows,), nondimensional, or None where there are `cycles`; `seed` and `steps_per_cycle` are integers.
     """
     checks.instance("scene", scene, Scene)
     limits.check(scene)
@@ -79,9 +79,9 @@ def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, prog
 
 
 def refuse_large(run, per_cycle=1, instead=""):
-    """Raise ValueError for a `Run` whose states, `per_cycle` in a cycle, do not fit into 4 GiB.
+    """Raise ValueError for a `Run` whose states, `per_cycle` (int) in a cycle, do not fit into 4 GiB; return None.
 
-    `instead`: end of the message, as a text.
+    `instead`: a text that ends the message, of what the user may do in place of it.
     """
     if run.realizations * (run.rows * per_cycle + 1) > TUNING.most_states:
         rows = "times" if run.scene.period is None else "cycles"
@@ -97,7 +97,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     ----------
     run : Run
     first : int
-        Number of the first realization that is wanted.
+        Number of the first realization that is wanted; the last is that before `run.realizations`.
     samples : int
         States wanted in each cycle, at equal times; with 1 these are the Poincaré points. 1 where there are no cycles.
     capacity : int
@@ -115,7 +115,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     Yields
     ------
     Batch
-        Each of its own arrays.
+        Named tuple of arrays, new ones each time, of consecutive realizations.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
     precompilation.start_helpers(task_of(engine, run.scene))
@@ -127,7 +127,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     keys = keys_at(stream_keys(run.seed), cycle) if engine.renews else stream_keys(run.seed)
 
     def simulate(parameters, numbers, part):
-        """Simulate realizations of some numbers into a `Batch`."""
+        """Simulate realizations of `numbers` (count,), by the engine's `parameters`, into the arrays of a `Batch`."""
         engine.simulate(keys, numbers, cycle, parameters, *part[1:6])
 
     size = max(TUNING.smallest_batch, TUNING.first_batch // run.rows)
@@ -155,10 +155,11 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
 
 
 def _paths_to_follow(batch, unseen, already):
-    """Return numbers of realizations of a `Batch` that are followed on to the fall.
+    """Return a list of int, the numbers of realizations of a `Batch` that are followed on to the fall.
 
-    Of the first n realizations these are at most √n `TUNING.followed` that overturn, of which `already` before the
-    batch; where a path is not the same to another cut-off (`unseen`), of any. They do not depend on the batches.
+    Of the first n realizations these are at most √n `TUNING.followed` of those that overturn; where a path is not the
+    same to another cut-off (`unseen`, a bool), of all. `already` (int): how many before the batch were followed. The
+    choice does not depend on how realizations are divided into batches.
     """
     numbers = batch.first + np.flatnonzero(batch.overturn_side | unseen)
     chosen, place = [], 0
@@ -174,11 +175,11 @@ def _paths_to_follow(batch, unseen, already):
 
 
 def _write_returns(returns, numbers, run, unseen, parameters, simulate):
-    """Follow paths of some numbers to the fall; write how many overturn on the way, and how many of these come back.
+    """Write to `returns` (2,) how many of some paths overturn on the way to the fall, and how many of these come back.
 
-    `returns` (2,) is written to. `unseen`: whether overturning has to be looked for, at the end of each interval, as in
-    `_paths_to_follow`. `parameters` are the engine's, with the cut-off at the fall; `simulate` takes them, numbers and
-    a `Batch`.
+    `numbers`: a list of the paths' numbers, all of which overturn unless `unseen`: then (a bool, as in
+    `_paths_to_follow`) overturning is looked for at the end of each interval. `run`: their `Run`; `parameters`: the
+    engine's, with the cut-off at the fall; `simulate`: a function of these, numbers (n,) and a `Batch` that it fills.
     """
     if not numbers:
         return
@@ -197,7 +198,7 @@ def _write_returns(returns, numbers, run, unseen, parameters, simulate):
 
 
 def _fill(batch, numbers, simulate, parts):
-    """Simulate realizations of some numbers (count,) into a `Batch`, in `parts` that the threads take in turn.
+    """Fill a `Batch` with realizations of `numbers` (count,), in a number of `parts` that the threads take in turn.
 
     `simulate`: function of numbers and of the `Batch` that it fills.
     """
@@ -207,21 +208,21 @@ def _fill(batch, numbers, simulate, parts):
 
 
 def _part(batch, places):
-    """Return realizations, as a slice of places in a `Batch`, as a `Batch` of views."""
+    """Return the named tuple `Batch` of the realizations at `places`, a slice, of another: views of its arrays."""
     impacts = ImpactRecord(*(array[places] for array in batch.impacts))
     return Batch(batch.first + places.start, *(array[places] for array in batch[1:5]), impacts, batch.returns)
 
 
 def _repeated(batch, first, count):
-    """Return `count` realizations of a deterministic scene, numbered from `first` on, from a `Batch` of one."""
+    """Return the named tuple `Batch` of `count` equal realizations, numbered from `first` on, by a `Batch` of one."""
     states, impacts = ([np.repeat(part, count, axis=0) for part in parts] for parts in (batch[1:5], batch.impacts))
     return Batch(first, *states, ImpactRecord(*impacts), batch.returns)
 
 
 def _drop_overturning_after(batch, end):
-    """Delete from a `Batch` the overturning that an engine met after time `end`, the last one.
+    """Set times and sides of overturning of a `Batch`, in place, to nan and 0 where the time is after `end`.
 
-    An engine goes on to the end of the interval in which that time is.
+    `end`: the last time τ that is wanted; an engine goes on to the end of the interval in which it is.
     """
     later = batch.overturn_time > end
     batch.overturn_time[later], batch.overturn_side[later] = math.nan, 0
@@ -230,8 +231,8 @@ def _drop_overturning_after(batch, end):
 def _refuse_missing_states(batch, run, times):
     """Raise FloatingPointError where a state of a `Batch` is missing or is no number.
 
-    Every one up to overturning, and none after it, has to be one. `times` (rows * samples + 1,) are those of the states
-    of the `Run`.
+    Every one up to overturning, and none after it, has to be a finite number. `times` (rows * samples + 1,) are those
+    of the states, nondimensional; `run`: the `Run`, for the message.
     """
     standing, last = batch.overturn_side == 0, len(times) - 1.0
     ends = np.where(standing, last, np.interp(batch.overturn_time, times, np.arange(len(times))))
@@ -248,9 +249,9 @@ def _refuse_missing_states(batch, run, times):
 
 
 def _empty_batch(first, count, rows, capacity):
-    """Return a `Batch` to be filled: `count` realizations numbered from `first` on, with `rows` states each.
+    """Return the named tuple `Batch`, to be filled: `count` realizations, numbered from `first` on.
 
-    Each has space for `capacity` impacts.
+    Its states are arrays (count, rows), nan at first; there is space for `capacity` impacts of each realization.
     """
     angle, velocity = np.full((2, count, rows), math.nan)
     time, speed = np.full((2, count, capacity), math.nan)
@@ -271,7 +272,7 @@ class Outcomes(NamedTuple):
 
     @property
     def overturned(self):
-        """Whether each path overturns, (n,)."""
+        """Whether each path overturns, an array (n,) of bool."""
         return self.overturn_side != 0
 
 
@@ -304,20 +305,26 @@ class ScaledPaths:
 
     @functools.cached_property
     def least_scale(self):
-        """Factor up to which the forcing does not lift off a block at rest; 0 for one that starts otherwise."""
+        """Factor (float) up to which the forcing does not lift off a block at rest; 0 for one that starts otherwise."""
         scene = self._run.scene
         if scene.start.angle or scene.start.velocity or not scene.forcing.largest:
             return 0.0
         return lift_off(scene.block.critical_angle) / scene.forcing.largest
 
     def __call__(self, scales):
-        """Return the `Outcomes` at scales (n,), above 0; the threads share the paths."""
+        """Return the named tuple `Outcomes` of n paths, one at each of the `scales` (n,), factors above 0.
+
+        Arrays (n,): time τ and side of overturning, and the largest |Θ|. The threads share the paths.
+        """
         outcomes = Outcomes(*np.full((3, len(scales)), math.nan))
         map_threads(lambda number: self._follow(number, scales[number], outcomes), range(len(scales)))
         return outcomes
 
     def _follow(self, number, scale, outcomes):
-        """Follow the path under the forcing times `scale` and write it to place `number` of `Outcomes`."""
+        """Follow the path under the forcing times `scale` (float) and write what it comes to into `outcomes`.
+
+        That is at place `number` of the arrays of `outcomes`, an `Outcomes`.
+        """
         parameters = scaled_parameters(self._parameters, scale)
         (path,) = simulate_batches(self._run, samples=self._samples, parameters=parameters)
         outcomes.overturn_time[number], outcomes.overturn_side[number] = path.overturn_time[0], path.overturn_side[0]
@@ -326,10 +333,10 @@ class ScaledPaths:
 
 
 def largest_angle(times, angle, velocity):
-    """Return the largest |Θ| of a path from its states `angle`, `velocity` (n,) at times (n,).
+    """Return the largest |Θ| (float) of a path from its states `angle`, `velocity` (n,) at `times` (n,).
 
-    It is that of cubics between these, and right to some 1e-5 over intervals of .2. An interval with an impact counts
-    at its ends alone: what rises and returns within it has a small angle.
+    All are nondimensional. It is that of cubics between these, and right to some 1e-5 over intervals of .2. An interval
+    with an impact counts at its ends alone: what rises and returns within it has a small angle.
     """
     h, side = np.diff(times), np.sign(angle[:-1])
     u, end, v, w = side * angle[:-1], side * angle[1:], side * velocity[:-1], side * velocity[1:]

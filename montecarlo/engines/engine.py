@@ -26,9 +26,9 @@ from montecarlo.tuning import TUNING
 
 @kernel(inline="always")
 def angle_and_velocity(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Angle and velocity (a tuple) at an interval's end, where the engine's `state` there is just that.
+    """Return `state`, the tuple (angle, velocity) at an interval's end, of an engine whose state is just that.
 
-    The other arguments, those of `Engine.state_at_end`, are not used.
+    They are nondimensional. The other arguments, those of `Engine.state_at_end`, are not used.
     """
     return state
 
@@ -105,16 +105,16 @@ class Engine:
 
     @functools.cached_property
     def simulate(self):
-        """The kernel `_simulate` of this engine."""
+        """The function `_simulate` of this module, compiled for this engine: it simulates realizations into arrays."""
         # In line with what allocates the workspace, the compiler knows that its arrays do not overlap.
         functions = vars(self) | {"step_within": self.step_within or self.step_with_events}
         path = self.simulate_path or self._compiled(_simulate_path, functions, inline="always")
         return self._compiled(_simulate, {**vars(self), "simulate_path": path})
 
     def _compiled(self, function, functions, **options):
-        """Return a function of this module as a kernel, in which `engine` has these functions.
+        """Return a compiled copy of `function`, one of this module, in which `engine` has these `functions`.
 
-        `functions`: callables by attribute name, as of an `Engine`; `options`: for the decorator `kernel`.
+        `functions`: a dict of callables by attribute name, as of an `Engine`; `options`: for the decorator `kernel`.
         """
         module = types.ModuleType(self.task)
         vars(module).update(functions)
@@ -127,9 +127,10 @@ engine = types.ModuleType("engine")
 
 
 def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate realizations of some numbers, each from its own stream of random numbers.
+    """Simulate realizations of some numbers, each from its own stream of random numbers, into arrays.
 
-    Times count from τ = 0, also where the run begins later. A realization depends on its keys and its number alone.
+    Times count from τ = 0, also where the run begins later. A realization depends on its keys and its number alone. All
+    is nondimensional.
 
     Parameters
     ----------
@@ -140,11 +141,12 @@ def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, 
     cycle : int
         Number of the table period at which the run begins, from the scene's start.
     parameters : tuple
-        From `parameters_of`.
+        From the engine's `parameters_of`.
     angle, velocity : ndarray, shape (count, periods * rows + 1)
-        Filled with the states at the begin and at the output times, up to overturning; nan before the call.
+        Filled with the states at the begin and at the `rows` output times of each table period, up to overturning; nan
+        before the call.
     overturn_time, overturn_side : ndarray, shape (count,)
-        Filled with the time (nan: never) and the side (0: never).
+        Filled with the time τ (nan: never) and the side, -1 or 1 (0: never).
     impacts : ImpactRecord of ndarray, shapes (count,), (count, capacity) and (count, capacity)
         Filled with each realization's impacts; those beyond the capacity are counted and not kept.
     """
@@ -166,10 +168,11 @@ def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, 
 
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):
-    """Simulate one realization; return the time of overturning (nan: never) and its side, -1 or 1 (0: never).
+    """Simulate one realization; return (time, side) of overturning: τ, or nan for never; -1 or 1, or 0 for never.
 
-    `stream` (4,) uint64 is its random numbers; `cycle` the one at which the run begins; `angle`, `velocity` (periods *
-    rows + 1,) are filled up to overturning. `impacts` records its impacts, and `unkept`, a record without room, those
+    `stream` (4,) uint64: state of its random numbers; `cycle` (int): the one at which the run begins; `angle`,
+    `velocity` (periods * rows + 1,) are filled up to overturning, nondimensional, at the begin and at the `rows` output
+    times of each table period. `impacts`, an `ImpactRecord`, records its impacts, and `unkept`, one without room, those
     on the way to a state within an interval: a record of another type would have all functions of the engine compiled
     twice. `parameters` and `workspace` are the engine's own tuples, see `Engine`.
     """
@@ -225,13 +228,14 @@ class TimeGrid(NamedTuple):
 
     @property
     def duration(self):
-        """Table period, nondimensional."""
+        """Duration of the table period (float), nondimensional: `count` times `spacing`."""
         return self.count * self.spacing
 
 
 def time_grid(scene, longest, times=None):
-    """Return the `TimeGrid` of a scene: equal intervals, in each of which the forcing is one piece, at most so long.
+    """Return the named tuple `TimeGrid` of a `Scene`: equal intervals of a table period, at most `longest` long each.
 
+    In each the forcing is one piece. The table period is a cycle where the scene repeats, else the time up to the end.
     The wanted times need not lie on it; they are kept as positions in units of intervals.
 
     Parameters

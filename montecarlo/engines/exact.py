@@ -42,10 +42,11 @@ from montecarlo.engines.noise_samples import (
 
 @kernel(inline="always")
 def _begin_closed(stream, cycle, parameters, workspace):
-    """Draw start and noise from `stream`; return (angle, velocity) and the state at the begin of a cycle.
+    """Draw start and noise from `stream` (4,) uint64; return (angle, velocity) and the state, nondimensional.
 
-    The state is the growing and the decaying exponential and the folded angle. The harmonics and the first samples are
-    written to the `Workspace`; `parameters` are `Parameters`.
+    Both are at the begin of a `cycle` (its number). The state is a tuple of three floats, the growing and the decaying
+    exponential and the folded angle. The harmonics and the first samples of the noise are written to `workspace`.
+    `parameters`, `workspace`: named tuples `Parameters` and `Workspace` of `band_noise`.
     """
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
@@ -61,10 +62,10 @@ def _begin_closed(stream, cycle, parameters, workspace):
 
 @kernel(forceinline=True)
 def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
-    """Write to the `Workspace` the samples for the CHUNK intervals from a number on, where others are used up.
+    """Write to `workspace` the noise's samples for the next CHUNK intervals, from `number` on, if none are left.
 
-    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used. `parameters`,
-    `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used. The noise's share of P
+    at these intervals' ends is written too. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     if write_next_samples(workspace.samples, number, cycle, parameters):
         write_nodes(workspace.samples.values, workspace.node, parameters.flight.ends)
@@ -72,9 +73,10 @@ def _draw_closed(stream, number, j, cycle, parameters, workspace):  # noqa: ARG0
 
 @kernel(inline="always")
 def _is_eventless(u, end, side, j, parameters):
-    """Whether a flight from folded angle u to folded angle `end` surely has no event in interval j.
+    """Whether a flight from folded angle u to folded angle `end` surely has no event in interval j of the tables.
 
-    `parameters`: their `least` and `most` are the bounds for the interval and the side.
+    Folded angles are `side`, 1 or -1, times angles, nondimensional. Of `parameters`, `Parameters` of `band_noise`,
+    `least` and `most` are read: bounds of both.
     """
     s = 1 if side > 0 else 0
     return min(u, end) > parameters.least[j, s] and max(u, end) < parameters.most[j, s]
@@ -82,10 +84,11 @@ def _is_eventless(u, end, side, j, parameters):
 
 @kernel(forceinline=True)
 def _try_closed(state, side, number, j, parameters, workspace):
-    """Whether interval j, the run's `number`, surely has no event, and the state at its end if so.
+    """Return whether interval j surely has no event (bool), and the state at its end if so.
 
-    A state is the growing and the decaying exponential and the folded angle; the noise is in the `Workspace`.
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    A state is a tuple, the growing and the decaying exponential and the folded angle, nondimensional; `state` is that
+    at the begin, `side` 1, -1 or 0 at rest, for which the answer is no. `number` counts intervals from the begin of the
+    run, j is the row of the tables. The noise is in `workspace`. `parameters`, `workspace`: those of `band_noise`.
     """
     factor, (grow, decay, u) = workspace.interval.factor * workspace.interval.factor, state
     grow, decay = grow * factor, decay * (1.0 / factor)
@@ -95,10 +98,10 @@ def _try_closed(state, side, number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _build_particular(number, j, parameters, workspace):
-    """Write P of forcing and noise in interval j of the grid, the `number`-th of the path, to `workspace.interval`.
+    """Write P of forcing and noise in interval j to `workspace.interval.particular` (TERMS,), for a slender block.
 
-    It is a polynomial (TERMS,) in the time since the interval's middle. `parameters`, `workspace`: `Parameters` and
-    `Workspace` of `band_noise`.
+    P solves P'' = P + f; it is a polynomial in the time since the interval's middle. `number` counts intervals from the
+    begin of the run, j is the row of the tables. `parameters`, `workspace`: those of `band_noise`.
     """
     particular, samples = workspace.interval.particular, workspace.samples.values
     interpolate(particular, parameters.forced[j], parameters.polynomials[0], samples, number % CHUNK)
@@ -106,12 +109,12 @@ def _build_particular(number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _step_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through interval j with its events; return state, side and time of overturning or inf.
+    """Carry a block through interval j with its events; return (state, side, time τ of overturning or inf).
 
-    A state is the growing and the decaying exponential and the folded angle. `state` is that at the begin, `end` that
-    at the end if there were no event, from `_try_closed`; `share` is 1. `impacts` records times since τ = 0.
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin of
-    the run. The run begins at `cycle`.
+    A state is a tuple, the growing and the decaying exponential and the folded angle, nondimensional. `state` is that
+    at the begin, `end` that at the end if there were no event, from `_try_closed`; `side` is 1, -1, or 0 at rest;
+    `share` is 1. `impacts` is an `ImpactRecord`, of times since τ = 0. `number` counts intervals from the begin of the
+    run at `cycle`, j is the row of the tables. `parameters`, `workspace`: those of `band_noise`.
     """
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
@@ -123,11 +126,11 @@ def _step_closed(state, end, side, number, j, share, cycle, parameters, workspac
 
 @kernel(inline="always")
 def _step_within_closed(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a `share` of interval j; return (angle, velocity), side and inf.
+    """Carry a block through a `share`, below 1, of interval j; return ((angle, velocity), `side` as passed, inf).
 
-    Both are nan if it has overturned by then. `state` is that at the begin, two exponentials and the folded angle;
-    `end`, `number` and `cycle` are not used. `impacts` is an `ImpactRecord`;
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    Angle and velocity, nondimensional, are those at the end of that share, nan if the block has overturned by then.
+    `state` is that at the begin, two exponentials and the folded angle; `end`, j, `number` and `cycle` are not used.
+    `impacts`: an `ImpactRecord`; `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
     return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
@@ -135,10 +138,10 @@ def _step_within_closed(state, end, side, number, j, share, cycle, parameters, w
 
 @kernel(forceinline=True)
 def _end_closed(state, side, number, j, parameters, workspace):
-    """Angle and velocity at the end of interval j, the run's `number`, (0, 0) at rest.
+    """Return (angle, velocity) at the end of interval j, nondimensional; (0, 0) at rest, which is `side` 0.
 
-    `state` is that at the end: the growing and the decaying exponential and the folded angle. `parameters`,
-    `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin of the run.
+    `state` is that at the end: the growing and the decaying exponential and the folded angle. `number` counts intervals
+    from the begin of the run, j is the row of the tables. `parameters`, `workspace`: those of `band_noise`.
     """
     grow, decay, u = state
     if side == 0:
@@ -152,10 +155,10 @@ def _end_closed(state, side, number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
-    """Draw start and noise from `stream`; return (angle, velocity), and the same again as the state.
+    """Draw start and noise from `stream` (4,) uint64; return (angle, velocity) twice, also as the state.
 
-    The harmonics, and their samples for the first intervals of `cycle`, are written to the `Workspace`. `parameters`,
-    `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    They are nondimensional. The harmonics, and their samples for the first intervals of `cycle` (its number), are
+    written to `workspace`. `parameters`, `workspace`: named tuples `Parameters` and `Workspace` of `band_noise`.
     """
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
@@ -166,7 +169,7 @@ def _begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (all is drawn with the start)
-    """Write to the `Workspace` the samples for the CHUNK intervals from a number on, where others are used up.
+    """Write to `workspace` the noise's samples for the next CHUNK intervals, from `number` on, if none are left.
 
     `number` counts intervals from the begin of the run at `cycle`; `stream` and j are not used. `parameters`,
     `workspace`: `Parameters` and `Workspace` of `band_noise`.
@@ -176,10 +179,10 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001  (al
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _respond_to_force(x, v, side, j, k, parameters, workspace):
-    """Angle and velocity of a slender block at the end of interval j, if it has no event in it.
+    """Return (angle, velocity) of a slender block at the end of interval j if it has no event in it; nondimensional.
 
-    (x, v) is at its begin, k its number in the chunk of samples in the `Workspace`. The envelope is one piece there.
-    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    (x, v), angle and velocity, are at its begin, `side` is 1 or -1, j the row of the tables, k the interval's number in
+    the chunk of samples in `workspace`. The envelope is one piece. `parameters`, `workspace`: those of `band_noise`.
     """
     h, samples, response = parameters.grid.spacing, workspace.samples.values, parameters.flight.noise
     strength = parameters.envelope.strength[parameters.envelope.first[j]]
@@ -197,10 +200,11 @@ def _respond_to_force(x, v, side, j, k, parameters, workspace):
 
 @kernel(inline="always")
 def _try_response(state, side, number, j, parameters, workspace):
-    """Whether interval j surely has no event for a slender block, and (angle, velocity) at its end if so.
+    """Return whether interval j surely has no event for a slender block (bool), and (angle, velocity) at its end if so.
 
-    `state` is angle and velocity at its begin, `number` counts from the begin of the run. Where the envelope has a kink
-    inside the interval the answer is no. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
+    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; `number` counts intervals from
+    the begin of the run, j is the row of the tables. Where the envelope has a kink inside the interval the answer is
+    no. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
     if side == 0:
@@ -213,10 +217,10 @@ def _try_response(state, side, number, j, parameters, workspace):
 
 @kernel(forceinline=True)
 def _surely_rests(force, slack, scratch, block):
-    """Whether a block surely stays at rest in an interval.
+    """Whether a block surely stays at rest in an interval (bool).
 
-    `force` is f at the points, `Lanes`, and `slack` how far it may pass these values; `scratch` (1, NODES) is written
-    to, and `block` is a `KernelBlock`.
+    `force`: f at the NODES points of the interval, nondimensional, as `Lanes` (eight floats); `slack`: how far f may
+    pass these values in between. `scratch` (1, NODES) is written to, and `block` is a `KernelBlock`.
     """
     store(scratch, 0, force)
     low, high = scratch[0, 0], scratch[0, 0]
@@ -227,11 +231,11 @@ def _surely_rests(force, slack, scratch, block):
 
 @kernel(inline="always")
 def _try_collocation(state, side, number, j, parameters, workspace):
-    """Whether interval j surely has no event for an exact block, and (angle, velocity) at its end if so.
+    """Return whether interval j surely has no event for an exact block (bool), and (angle, velocity) at its end if so.
 
-    `state` is angle and velocity at its begin, `number` counts from the begin of the run. The angle is nan if
-    collocation has not converged; u'' at its points is written to `workspace.acceleration`. `parameters`, `workspace`:
-    `Parameters` and `Workspace` of `band_noise`.
+    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; `number` counts intervals from
+    the begin of the run, j is the row of the tables. The angle is nan if collocation has not converged; u'' is written
+    to `workspace.acceleration` (1, NODES). `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     x, v = state
     if side == 0 and (parameters.stays[j] or parameters.flight.slack[j] == math.inf):
@@ -284,12 +288,12 @@ def _build_noise(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):  # noqa: ARG001
-    """Carry a slender block from `begin` to `end` of interval j of the table period; return x, v, side, time reached.
+    """Carry a slender block from `begin` to `end` of interval j; return (x, v, side, time), nondimensional.
 
-    Times are since the interval's middle, that of overturning included; `origin` is the τ of the middle, to record
-    `impacts` (an `ImpactRecord`, or None). From `begin` to `end` the envelope is the polynomial `strength` (order,) in
-    these times. `tried`, `last`: for an exact block. `parameters`, `workspace`: `Parameters` and `Workspace` of
-    `band_noise`; the force in `workspace.interval` is overwritten. The time reached is `end` unless it overturns.
+    (x, v) are angle and velocity, `side` is 1, -1, or 0 at rest; the time is `end`, or that of overturning. Times are
+    since the interval's middle; `origin` is the τ of the middle, to record `impacts` (an `ImpactRecord`, or None). From
+    `begin` to `end` the envelope is the polynomial `strength` (order,) in these times. `tried`, `last` are not used.
+    `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`. Its `interval` is overwritten.
     """
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
     write_product(strength, workspace.noise, parameters.zeros, force)
@@ -302,10 +306,10 @@ def _advance_slender(x, v, side, j, begin, end, strength, tried, last, parameter
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):
-    """Carry an exact block from `begin` to `end` of interval j of the table period; return x, v, side, time reached.
+    """Carry an exact block from `begin` to `end` of interval j; return (x, v, side, time), nondimensional.
 
-    As `_advance_slender`. If `tried`, `last` is (angle, velocity) at `end` of the flight that begins there, unless it
-    meets an event.
+    Arguments and result are as of `_advance_slender`. If `tried` (bool), `last` is (angle, velocity) at `end` of the
+    flight from `begin` if it meets no event, and `workspace.acceleration` has its u''.
     """
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
     write_product(strength, workspace.noise, parameters.forced[j], force)
@@ -320,12 +324,12 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(forceinline=True)
 def _step(state, end, side, number, j, share, cycle, parameters, workspace, impacts):
-    """Carry a block through a `share` of interval j; return (angle, velocity), side, time of overturning or inf.
+    """Carry a block through a `share`, up to 1, of interval j; return ((angle, velocity), side, time).
 
-    It goes piece by piece of the envelope. `state` is (angle, velocity) at the interval's begin, `end` that at its end
-    as tried without an event; `number` counts from the begin of the run at `cycle`; `impacts` records times since τ =
-    0. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`; `number` counts intervals from the begin
-    of the run.
+    The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the interval's
+    begin, `side` 1, -1 or 0 at rest, `end` the state at its end as tried without an event. `number` counts intervals
+    from the begin of the run at `cycle`, j is the row of the tables; `impacts` is an `ImpactRecord`, of times since τ =
+    0. `parameters`, `workspace`: `Parameters` and `Workspace` of `band_noise`.
     """
     (x, v), first = state, parameters.envelope.first
     spacing, time, tried = parameters.grid.spacing, 0.0, False
@@ -347,13 +351,13 @@ def _step(state, end, side, number, j, share, cycle, parameters, workspace, impa
 
 
 def _takes(enveloped, exact):
-    """Return `Engine.takes`, a function of a scene, for one kind of scene with band noise or none.
+    """Return a function of a `Scene` that tells (bool) whether it has band noise or none, of the wanted kind.
 
-    `enveloped`: whether the noise has an envelope, None for either. `exact`: whether the block is exact, else slender.
+    `enveloped`: whether the noise has an envelope, None for either; `exact`: whether the critical angle is above 0.
     """
 
     def takes(scene):
-        """Whether the engine simulates a scene."""
+        """Whether the engine simulates a `Scene` (bool)."""
         noise, block = scene.noise, scene.block
         fits = enveloped in (None, noise.kind == "band" and noise.envelope is not None)
         return noise.kind in {"none", "band"} and fits and (block.critical_angle > 0.0) == exact

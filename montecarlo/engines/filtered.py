@@ -98,10 +98,11 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the `Parameters` of a scene with filtered noise; a realization does not depend on `times`.
+    """Return the named tuple `Parameters` of a `Scene` with filtered noise; a realization does not depend on `times`.
 
-    `steps_per_cycle` over the filter's fastest rate sets the longest interval; `times` (rows,) are since the begin of
-    the table period. ValueError where the filter is so slow that there would be too few intervals.
+    `steps_per_cycle` times the filter's fastest rate sets the longest interval; `times` (rows,), at which states are
+    wanted, are nondimensional and count from the begin of the table period (a cycle, or the whole time), by default its
+    end alone. ValueError where `steps_per_cycle` makes too many intervals with a filter of this rate.
     """
     envelope, space = scene.noise.envelope, scene.noise.space
     rate = space.fastest * steps_per_cycle
@@ -119,7 +120,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def parameters_on_grid(scene, grid):
-    """Return the `Parameters` of a scene with filtered noise for a `TimeGrid`.
+    """Return the named tuple `Parameters` of a `Scene` with filtered noise for a `grid`, a `TimeGrid`.
 
     The noise is drawn in the grid's intervals, and states are wanted at its `output_times`.
     """
@@ -149,7 +150,7 @@ def parameters_on_grid(scene, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread, for the filter of these `Parameters`."""
+    """Return the named tuple `Workspace` of a thread, of the sizes that the filter of `parameters` needs."""
     rows = np.empty((3, TERMS))
     return Workspace(allocate_noise(parameters.noise), rows[0], rows[1], rows[2])
 
@@ -158,8 +159,8 @@ def workspace_of(parameters):
 def _begin(stream, cycle, parameters, workspace):
     """Draw the start, and the noise up to the run's first `cycle`; return (angle, velocity) twice, also as the state.
 
-    `stream` gives the random numbers; the noise is written to the `Workspace`. `parameters`, `workspace`: the engine's
-    `Parameters` and `Workspace`.
+    They are nondimensional. `stream` (4,) uint64: state of the random numbers; `cycle`: an int. The noise is written to
+    `workspace.noise`. `parameters`, `workspace`: the engine's named tuples `Parameters` and `Workspace`.
     """
     state = draw_start(stream, parameters.start)
     draw_first_states(stream, parameters.noise, workspace.noise)
@@ -170,19 +171,19 @@ def _begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw the noise of the next interval from `stream` into the `Workspace`; number, j and cycle are not used.
+    """Draw the noise of the next interval from `stream` (4,) uint64 into `workspace.noise`, a `NoiseWorkspace`.
 
-    `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `number`, j and `cycle` are not used.
     """
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
 @kernel(inline="always")
 def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
-    """Angle and velocity of a slender block after interval j if nothing happens in it, and True.
+    """Return (angle, velocity, True) of a slender block at the end of interval j if it has no event; nondimensional.
 
-    (x, v) is at the interval's begin; what the noise adds is read from the `Workspace`. `parameters`, `workspace`: the
-    engine's `Parameters` and `Workspace`.
+    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; j is the row of the tables. What the
+    noise adds is read from `workspace`. `parameters`, `workspace`: those of the engine; `block` is not used.
     """
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
     end, speed = homogeneous_flight(x - side, v, parameters.hyperbolic[0], parameters.hyperbolic[1])
@@ -191,11 +192,11 @@ def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _fly_exact(x, v, side, j, parameters, workspace, block):
-    """Angle and velocity of an exact block after interval j if nothing happens in it, and whether they are right.
+    """Return (angle, velocity, right) of an exact block at the end of interval j if it has no event; nondimensional.
 
-    (x, v) is at the interval's begin, the noise in the `Workspace`. They are not right where the envelope has a kink
-    inside the interval, or collocation does not converge. `parameters`, `workspace`: the engine's `Parameters` and
-    `Workspace`.
+    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; j is the row of the tables. `right` is
+    False where the envelope has a kink inside the interval, or collocation does not converge: the state is then of no
+    use. `parameters`, `workspace`: those of the engine, the second with the noise; `block`: a `KernelBlock`.
     """
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return x, v, False
@@ -216,9 +217,10 @@ _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 @kernel(inline="always")
 def _takes_parts(state, side, parameters):
-    """Whether a block that is in a state, (angle, velocity), at an interval's begin is moved by the noise in its parts.
+    """Whether a block is moved by the noise drawn anew in equal parts of an interval, as it is at rest or nearly so.
 
-    It is at rest, or so slow that it may come to rest. `parameters`: the engine's `Parameters`.
+    `state`: (angle, velocity) at the interval's begin, nondimensional; `side`: 1, -1, or 0 at rest; `parameters`: the
+    engine's `Parameters`. Never so for noise that has a derivative.
     """
     parts = parameters.noise.parts
     return parts.gain.shape[0] > 0 and (side == 0 or abs(state[1]) < parts.slowest)
@@ -226,10 +228,11 @@ def _takes_parts(state, side, parameters):
 
 @kernel(inline="always")
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Whether interval j surely has no event, and (angle, velocity) at its end if so.
+    """Return whether interval j surely has no event (bool), and (angle, velocity) at its end if so.
 
-    `state` is (angle, velocity) at its begin; the noise's Bernstein coefficients are written to the `Workspace`.
-    `parameters`: the engine's `Parameters`; `number` is not used.
+    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; j is the row of the tables.
+    The noise's Bernstein coefficients are written to `workspace.noise.bernstein`. `parameters`, `workspace`: the
+    engine's `Parameters` and `Workspace`; `number` is not used.
     """
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise, margin)
@@ -244,12 +247,13 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(fastmath={"contract"})
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
-    """Write to the `Workspace` P of forcing and noise in interval j, for an exact block the force itself.
+    """Write P of forcing and noise in interval j to `workspace.particular`; for an exact block the force itself.
 
-    Under an envelope only the noise is written. All are polynomials (TERMS,) in the time since the interval's begin.
+    Under an envelope only the noise is written, to `workspace.noise.signal`. P solves P'' = P + f; all are coefficients
+    (TERMS,) of polynomials in the time since the interval's begin; j is the row of the tables.
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
-    `parameters`: the engine's `Parameters`; `number` is not used.
+    `parameters`, `workspace`: those of the engine; `number` is not used.
     """
     write_polynomial(parameters.noise, workspace.noise)
     if parameters.envelope.strength.size == 0:
@@ -260,13 +264,16 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel(forceinline=True)
 def _respond_slender(force, particular, block):  # noqa: ARG001
-    """Write to `particular` (TERMS,) P of a `force` (TERMS,), from rest at t = 0, for a slender block."""
+    """Write to `particular` (TERMS,) the P with P'' = P + f, P = P' = 0 at t = 0, of a `force` f (TERMS,).
+
+    Both are coefficients of powers of t. For a slender block; `block` is not used.
+    """
     particular_from_rest(force, particular)
 
 
 @kernel(forceinline=True)
 def _respond_exact(force, particular, block):  # noqa: ARG001
-    """Write a `force` (TERMS,) itself to `particular` (TERMS,), for an exact block."""
+    """Copy the coefficients of a `force` (TERMS,) to `particular` (TERMS,), for an exact block; `block` is not used."""
     for k in range(TERMS):
         particular[k] = force[k]
 
@@ -276,10 +283,11 @@ _write_particular = dispatch_on_block(_respond_slender, _respond_exact)
 
 @kernel(forceinline=True)
 def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, block):
-    """Carry a slender block from `start` to `end` under the force in `workspace`; return x, v, side, time.
+    """Carry a slender block from `start` to `end` under P in `workspace.particular`; return (x, v, side, time).
 
-    The time is that of overturning or `end`. Times count from where the polynomials do, at `origin` since τ = 0, and
-    `span` is the largest of them; `impacts` is an `ImpactRecord`.
+    (x, v) are angle and velocity, `side` is 1, -1, or 0 at rest, all nondimensional; the time is that of overturning or
+    `end`. Times count from where the polynomial's do, at `origin` since τ = 0, and `span` is the largest of them;
+    `impacts` is an `ImpactRecord`, `block` a `KernelBlock`.
     """
     segment = borrowed(segment_from_particular(workspace.particular, workspace.force, span))
     return advance_through_events(x, v, side, segment, start, end, block, impacts, origin)
@@ -287,10 +295,9 @@ def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, b
 
 @kernel(forceinline=True)
 def _advance_exact(x, v, side, start, end, span, workspace, impacts, origin, block):
-    """Carry an exact block from `start` to `end` under the force in `workspace`; return x, v, side, time.
+    """Carry an exact block from `start` to `end` under the force in `workspace.particular`; return (x, v, side, time).
 
-    The time is that of overturning or `end`. Times count from where the polynomials do, at `origin` since τ = 0, and
-    `span` is the largest of them; `impacts` is an `ImpactRecord`.
+    Arguments and result are as of `_advance_slender`: angle, velocity, side (0 at rest), and time reached.
     """
     return collocation.advance_collocated(workspace.particular, span, x, v, side, start, end, block, impacts, origin)
 
@@ -300,11 +307,11 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(fastmath={"contract"})
 def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
-    """Write to `workspace.particular` P of forcing and noise from a time in interval j on.
+    """Write P of forcing and noise, about a `time` in interval j, to `workspace.particular` (TERMS,).
 
-    For an exact block it is the force. The noise's polynomial counts from the begin of its part, `since` before `time`;
-    the envelope is `value` + `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters`
-    and `Workspace`.
+    For an exact block it is the force. It is a polynomial in the time since `time`, which counts from the interval's
+    begin. The noise's polynomial counts from the begin of its part, `since` before `time`; the envelope is `value` +
+    `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     particular, force, share = workspace.particular, workspace.force, workspace.share
     move_origin(workspace.noise.signal, since, share)
@@ -318,11 +325,12 @@ def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
 
 @kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
-    """Carry a block through the parts of the noise and the pieces of its envelope in interval j.
+    """Carry a block through interval j, by the parts of its noise and the pieces of the envelope.
 
-    It is carried from the interval's begin, at `origin` since τ = 0, to a time `until` since then. Returns x, v, side
-    and the time, since that begin, of overturning or `until`. `impacts` is an `ImpactRecord`. `parameters`,
-    `workspace`: the engine's `Parameters` and `Workspace`.
+    It is carried from the interval's begin, at `origin` since τ = 0, to a time `until` since then. Return (x, v, side,
+    time): angle, velocity, side (1, -1, or 0 at rest) and the time, since that begin, of overturning or `until`; all
+    are nondimensional. `impacts` is an `ImpactRecord`. `parameters`, `workspace`: the engine's `Parameters` and
+    `Workspace`.
     """
     noise, envelope, block = workspace.noise, parameters.envelope, parameters.block
     enveloped, count = envelope.strength.size > 0, 1
@@ -360,11 +368,12 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
 
 @kernel(inline="always")
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a `share` of interval j; return (angle, velocity), side, time of overturning.
+    """Carry a block through a `share`, up to 1, of interval j; return ((angle, velocity), side, time).
 
-    That is inf for none. `state` is (angle, velocity) at the interval's begin; `number` counts from the begin of the
-    run at `cycle`; `impacts` records times since τ = 0; `end` is not used. `parameters`, `workspace`: the engine's
-    `Parameters` and `Workspace`.
+    The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the interval's
+    begin, `side` 1, -1 or 0 at rest; `number` counts intervals from the begin of the run at `cycle`, j is the row of
+    the tables; `impacts` is an `ImpactRecord`, of times since τ = 0; `end` is not used. `parameters`, `workspace`: the
+    engine's `Parameters` and `Workspace`.
     """
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state

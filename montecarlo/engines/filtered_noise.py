@@ -64,7 +64,7 @@ class NoiseTables(NamedTuple):
 
 
 def noise_tables(noise, span):
-    """Return the `NoiseTables` of filtered noise (`scene.noise`) for intervals of a duration `span`."""
+    """Return the named tuple `NoiseTables` of a scene's `noise`, for intervals of a duration `span`; nondimensional."""
     space, sigma = noise.space, math.sqrt(noise.variance)
     move, spread = _law(space, span, sigma)
     parts = _part_tables(space, span, sigma)
@@ -74,10 +74,11 @@ def noise_tables(noise, span):
 
 
 def _law(space, span, sigma):
-    """Return `move` and `spread` of `NoiseTables`, for a filter (`StateSpace`), a duration `span`, and a σ.
+    """Return `move` (n + 2, n) and `spread` (n + 2, n + 2) of `NoiseTables`, nondimensional.
 
-    Time counts in intervals here, and the flight accordingly: every entry is then about 1 or less, and none lost in the
-    rounding of another.
+    `space`: the filter of n states, a `StateSpace` of unit variance; `span`: the interval's duration; `sigma`: the
+    noise's standard deviation. Rows are the states, then angle and velocity of the flight. Time counts in intervals
+    within: every entry is then about 1 or less, and none lost in the rounding of another.
     """
     n = space.order
     drift = np.zeros((n + 2, n + 2))
@@ -91,7 +92,10 @@ def _law(space, span, sigma):
 
 
 def _part_tables(space, span, sigma):
-    """Return the `PartTables` of a filter (`StateSpace`), intervals of a duration `span`, and a σ."""
+    """Return the named tuple `PartTables` of equal parts of an interval of a duration `span`, nondimensional.
+
+    `space`: the filter, a `StateSpace` of unit variance; `sigma`: the noise's standard deviation.
+    """
     n, count = space.order, 0 if space.smooth or sigma == 0.0 else TUNING.filtered_parts
     length = span / max(count, 1)
     move, spread = _law(space, length, sigma)
@@ -112,7 +116,7 @@ def _part_tables(space, span, sigma):
 
 
 def polynomial_degree(space):
-    """Degree of the polynomial that stands for noise of a `StateSpace` within an interval, 3 or 5.
+    """Return the degree (int), 3 or 5, of the polynomial that stands for noise of a `StateSpace` within an interval.
 
     It has the values of the flight and of the noise at both ends, and of the noise's derivative where it has one.
     """
@@ -120,9 +124,10 @@ def polynomial_degree(space):
 
 
 def _polynomial_tables(space, span, sigma):
-    """Return `shape` and `powers` of `NoiseTables`, for a filter, intervals of a duration, and a σ.
+    """Return `shape` (d + 1, 2n + 2) and `powers` (d + 1, d + 1) of `NoiseTables`, nondimensional.
 
-    `space`: `StateSpace`, of unit variance; `span`: the duration; `sigma`: standard deviation of the noise.
+    `space`: the filter of n states, a `StateSpace` of unit variance; `span`: the interval's duration; `sigma`: the
+    noise's standard deviation. d is `polynomial_degree`.
     """
     n, degree = space.order, polynomial_degree(space)
     shape = np.zeros((degree + 1, 2 * n + 2))
@@ -144,10 +149,10 @@ def _polynomial_tables(space, span, sigma):
 
 
 def _response(degree, span, begin, end):
-    """Return angle and velocity (2, 2, degree + 1) that forces from `begin` to `end` add to a flight.
+    """Return an array (2, 2, degree + 1): angle [:, 0] and velocity [:, 1] that forces add to a flight.
 
-    The forces are the Bernstein polynomials of an interval [0, span], indexed [0, ...], and these times the time since
-    the begin, [1, ...]; the flight ends at `span`.
+    The forces act from `begin` to `end`: [0] the Bernstein polynomials of an interval [0, `span`], [1] these times the
+    time since `begin`. The flight ends at `span`. All is nondimensional.
     """
     points, weights = gauss_legendre(20, -1.0, 1.0)
     since = 0.5 * (end - begin) * (1.0 + points)
@@ -174,9 +179,9 @@ class EnvelopeTables(NamedTuple):
 
 
 def envelope_tables(envelope, grid, degree):
-    """Return the `EnvelopeTables` of an envelope, or of None, on a `TimeGrid`.
+    """Return the named tuple `EnvelopeTables` of an `Envelope`, or of None, on a `grid`, a `TimeGrid`.
 
-    `degree`: that of the noise polynomials.
+    `degree`: that of the polynomials that stand for the noise, 3 or 5.
     """
     if envelope is None:
         empty = np.empty(0)
@@ -195,10 +200,10 @@ def envelope_tables(envelope, grid, degree):
 
 
 def _cut_at_kinks(kinks, count):
-    """Cut `count` intervals at the kinks (n,) inside, ascending; times are in intervals.
+    """Cut `count` intervals at the `kinks` (n,) inside them, ascending; return (first, owner, begins, ends).
 
-    Return numbers of the first piece of each interval (count + 1,) and, for each piece, the number of its interval, and
-    its begin and end since that interval's begin.
+    `first` (count + 1,): number of the first piece of each interval, and of pieces. For each piece, (pieces,): `owner`,
+    the number of its interval; its begin and end since that interval's begin. All times are in units of intervals.
     """
     inside = kinks[(np.abs(kinks - np.rint(kinks)) > 1e-9) & (kinks > 0.0) & (kinks < count)]
     edges = np.sort(np.concatenate([np.arange(count), inside]))
@@ -209,9 +214,9 @@ def _cut_at_kinks(kinks, count):
 
 
 def _linear_pieces(envelope, begins, ends, span):
-    """Return the envelope at the begins of pieces and its slopes there (pieces, 2).
+    """Return (pieces, 2): the values of an `Envelope` at the begins of pieces, and its slopes there.
 
-    `begins`, `ends` (pieces,): since τ = 0, in intervals of a duration `span`; the slopes are by nondimensional time.
+    `begins`, `ends` (pieces,): times since τ = 0, in intervals of a duration `span`; the slopes are by τ.
     """
     if len(envelope.kinks) == 0:
         values = envelope.value(span * begins)
@@ -240,7 +245,7 @@ class NoiseWorkspace(NamedTuple):
 
 @kernel
 def allocate_noise(tables):
-    """Allocate a `NoiseWorkspace` of the sizes of `tables`, `NoiseTables`."""
+    """Return the named tuple `NoiseWorkspace`, arrays of the sizes that `tables`, `NoiseTables`, need."""
     n, terms = tables.stationary.shape[0], tables.powers.shape[0]
     parts = np.zeros((tables.parts.gain.shape[0], 2 * n + 2))
     words = np.zeros(8, np.uint64)
@@ -249,9 +254,9 @@ def allocate_noise(tables):
 
 @kernel
 def draw_first_states(stream, tables, noise):
-    """Draw the filter's states at τ = 0 from `stream`, into the last states of a `NoiseWorkspace`.
+    """Draw the filter's n states at τ = 0 into `noise.drawn[n:2 * n]`; `noise` is a `NoiseWorkspace`.
 
-    `tables` are `NoiseTables`.
+    `stream` (4,) uint64: state of the random numbers, which is advanced; `tables`: `NoiseTables`.
     """
     drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
     for i in range(n):
@@ -263,10 +268,11 @@ def draw_first_states(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def draw_next_interval(stream, tables, noise):
-    """Draw the states at the end of the next interval, and what the noise adds to a flight over it.
+    """Draw the filter's states at the end of the next interval, and what the noise adds to a flight over it.
 
-    They are drawn from `stream` by `NoiseTables` into `drawn` of a `NoiseWorkspace`, whose last states become the
-    first.
+    They are written to `noise.drawn` (2n + 2,), whose last states become the first; `noise` is a `NoiseWorkspace`.
+    `stream` (4,) uint64: state of the random numbers, which is advanced; `tables`: `NoiseTables`. Where the interval
+    has parts, the random numbers for them are set up in `noise.stream`.
     """
     drawn, n = noise.drawn, tables.stationary.shape[0]
     for i in range(n):
@@ -279,9 +285,10 @@ def draw_next_interval(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _draw_ends(stream, move, spread, drawn, normals):
-    """Draw into `drawn` (2n + 2,), whose first n are states at a begin, the states at the end and the flight.
+    """Write to `drawn[n:]` the filter's n states at an end, and what the noise adds to a flight's angle and velocity.
 
-    `move`, `spread`: as of `NoiseTables`; `normals` (n + 2,): scratch; `stream`: random numbers.
+    `drawn` (2n + 2,) has in its first n the states at the begin. `move`, `spread`: as of `NoiseTables`; `normals`
+    (n + 2,): scratch; `stream` (4,) uint64: state of the random numbers, which is advanced.
     """
     n = move.shape[1]
     for i in range(n + 2):
@@ -297,9 +304,9 @@ def _draw_ends(stream, move, spread, drawn, normals):
 
 @kernel(fastmath={"contract"})
 def draw_parts(tables, noise):
-    """Draw the noise in the parts of an interval, given what was drawn for the interval, into a `NoiseWorkspace`.
+    """Draw the noise in the m parts of an interval, given what was drawn for it, into `noise.parts` (m, 2n + 2).
 
-    `tables` are `PartTables`. Called again for the interval it draws the same.
+    `noise` is a `NoiseWorkspace`, `tables` are `PartTables`. Called again for the interval it draws the same.
     """
     rows, drawn, missing, n = noise.parts, noise.drawn, noise.normals, noise.normals.size - 2
     x, v, stream = 0.0, 0.0, noise.stream[4:]
@@ -325,10 +332,10 @@ def draw_parts(tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
-    """Write to `bernstein` (d + 1,) the coefficients `shape` (d + 1, 2n + 2) of what is `drawn` (2n + 2,).
+    """Write the coefficients `shape` (d + 1, 2n + 2) @ `drawn` (2n + 2,) to `bernstein` (d + 1,); return two bounds.
 
-    Returns bounds (low, high) of the noise with the `EnvelopeTables` `envelope` in interval j: the polynomial lies
-    between its coefficients, and the noise not farther from it than a `margin`.
+    These are (low, high) of the noise times the `envelope`, its `EnvelopeTables`, in interval j, nondimensional: the
+    polynomial lies between its coefficients, and the noise not farther from it than a `margin`.
     """
     low, high = math.inf, -math.inf
     for i in range(bernstein.size):
@@ -348,25 +355,28 @@ def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
 def bound_noise(j, tables, envelope, noise, margin):
     """Write the noise in interval j, without the factor of its envelope, as Bernstein coefficients; return its bounds.
 
-    They are read from `drawn` and written to `bernstein` of a `NoiseWorkspace`. The bounds, low and high, are with the
-    envelope, for noise not farther from its polynomial than a `margin`. `tables`: `NoiseTables`; `envelope`:
-    `EnvelopeTables`.
+    The coefficients are made of `noise.drawn` and written to `noise.bernstein` (d + 1,); `noise` is a `NoiseWorkspace`.
+    The bounds (low, high), nondimensional, are with the envelope, for noise not farther from its polynomial than a
+    `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
     """
     return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)
 
 
 @kernel(fastmath={"contract"})
 def bound_part(j, k, tables, envelope, noise):
-    """As `bound_noise`, for part k of interval j, whose `PartTables` are `tables`."""
+    """Write the noise in part k of interval j to `noise.bernstein` (d + 1,); return its bounds (low, high).
+
+    As `bound_noise`, without a margin; `noise.parts[k]` is read, and `tables` are `PartTables`.
+    """
     return _write_bernstein(j, tables.shape, noise.parts[k], noise.bernstein, 0.0, envelope)
 
 
 @kernel(fastmath={"contract"})
 def write_polynomial(tables, noise):
-    """Write the coefficients `signal` of the noise in an interval, or a part, from its Bernstein coefficients.
+    """Write to `noise.signal` (TERMS,) the polynomial with the Bernstein coefficients `noise.bernstein` (d + 1,).
 
-    Both are in a `NoiseWorkspace`; `tables` are `NoiseTables`, or `PartTables`. `signal` (TERMS,) is in powers of the
-    time since the begin of the interval or of the part, and 0 above the degree.
+    `noise` is a `NoiseWorkspace`; `tables` are `NoiseTables`, or `PartTables` for a part of the interval. The
+    coefficients are of powers of the time since the begin of the interval or part, and 0 above the degree d.
     """
     signal, bernstein = noise.signal, noise.bernstein
     signal[:] = 0.0
@@ -377,7 +387,7 @@ def write_polynomial(tables, noise):
 
 @kernel(forceinline=True)
 def response_to_noise(j, envelope, noise):
-    """Angle and velocity that the noise adds to a flight of a slender block over interval j.
+    """Return (angle, velocity) that the noise adds to a flight of a slender block over interval j; nondimensional.
 
     `envelope`: `EnvelopeTables`; `noise`: a `NoiseWorkspace` with the interval's noise.
     """

@@ -28,15 +28,16 @@ class Samples(NamedTuple):
 
 @kernel
 def allocate_samples(harmonics):
-    """Allocate `Samples` for a number of harmonics, which are not drawn yet."""
+    """Return the named tuple `Samples`, of zeros, with room for a number of `harmonics` (int)."""
     return Samples(band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK))
 
 
 @kernel
 def divide_by_window(harmonics, parameters):
-    """Turn the weights of the harmonics, in place, from those of the noise into those of its interpolant.
+    """Turn `harmonics.weights` (M,), in place, from the noise's amplitudes into those of its interpolant's samples.
 
-    `harmonics`: a `band.Realization`; of `Parameters`, `compensation` and `ratio_scale` are read.
+    `harmonics`: a `band.Realization`; of `parameters`, `Parameters` of `band_noise`, `compensation` and `ratio_scale`
+    are read.
     """
     for n in range(harmonics.ratios.size):
         harmonics.weights[n] *= evaluate_compensation(
@@ -46,9 +47,10 @@ def divide_by_window(harmonics, parameters):
 
 @kernel(inline="always")
 def write_first_samples(samples, cycle, parameters):
-    """Write to `Samples` the first CHUNK of the noise from a `cycle` on.
+    """Write the samples of the noise for the first CHUNK intervals from a `cycle` (its number) on, and those before.
 
-    Of `Parameters` the grid and `halvings` are read.
+    They are written to `samples.values` (WIDTH - 1 + CHUNK,), nondimensional, and `samples.harmonics` are set for the
+    next ones; `samples`: a `Samples`. Of `parameters`, `Parameters` of `band_noise`, the grid and `halvings` are read.
     """
     harmonics, parts = samples.harmonics, 1 << parameters.halvings
     spacing = parameters.grid.spacing / (parameters.grid.count * parameters.grid.spacing) * parts
@@ -62,10 +64,10 @@ def write_first_samples(samples, cycle, parameters):
 
 @kernel(forceinline=True)
 def write_next_samples(samples, number, cycle, parameters):
-    """Write to `Samples` the next CHUNK, for the intervals from a number on, if the last ones are used up.
+    """Write the next CHUNK samples of the noise to `samples`, a `Samples`, if the last are used up; return whether so.
 
-    Returns whether so. `number` counts intervals from the begin of the run at `cycle`. Of `Parameters` the grid and
-    `halvings` are read.
+    `number` (int) is that of the interval for which samples are wanted, counted from the begin of the run at `cycle`.
+    Of `parameters`, `Parameters` of `band_noise`, the grid and `halvings` are read.
     """
     sample, part = sample_and_part(number, parameters)
     used_up = part == 0 and sample % CHUNK == 0 and number > 0
@@ -76,10 +78,10 @@ def write_next_samples(samples, number, cycle, parameters):
 
 @kernel(forceinline=True)
 def sample_and_part(number, parameters):
-    """Return the number of the last sample of the noise before an interval, and that of the interval after it.
+    """Return (sample, part), int: the last sample of the noise before an interval, and the interval's place after it.
 
-    The second counts the intervals between two samples from 0. `number` counts intervals from the begin of the run. Of
-    `Parameters` `halvings` is read.
+    Samples and the interval's `number` count from the begin of the run; of the 2^`halvings` intervals between two
+    samples the first has the part 0. Of `parameters`, `Parameters` of `band_noise`, `halvings` is read.
     """
     sample = number >> parameters.halvings
     return sample, number - (sample << parameters.halvings)
@@ -87,10 +89,10 @@ def sample_and_part(number, parameters):
 
 @kernel
 def _write_further(harmonics, values, sample, cycle, intervals, halvings):
-    """Move the centre of the harmonics on by a chunk, or set it anew now and then; write the chunk's samples.
+    """Move the centre of `harmonics`, a `band.Realization`, on by a chunk, or set it anew; write the chunk's samples.
 
-    `sample` counts samples, 2^`halvings` intervals apart, from the begin of the run at `cycle`, which has a number of
-    `intervals`. `values` (WIDTH - 1 + CHUNK,) are written.
+    They are written to `values` (WIDTH - 1 + CHUNK,). `sample` counts samples, 2^`halvings` intervals apart, from the
+    begin of the run at `cycle`; a cycle has a number of `intervals`.
     """
     if sample // CHUNK % ((band.ANCHOR_CYCLES * intervals + CHUNK - 1) // CHUNK) == 0:
         centre = (sample + WIDTH // 2 + HALF) << halvings
@@ -115,10 +117,10 @@ def _write_chunk(harmonics, values):
 # Sixteen products in one expression: a loop over them would keep the sums in memory, at three times the cost.
 @kernel(fastmath={"contract"}, forceinline=True)
 def interpolate(out, base, s, g, k):
-    """Write to `out` (n,) `base` (n,) plus the noise in an interval, from the samples g number k, k + 1, ...
+    """Write to `out` (n,) the sums `base` (n,) plus g[k : k + WIDTH] @ s, the noise in an interval.
 
-    These are multiplied by the columns of s (WIDTH, n). With the polynomials of the interpolant the result is the noise
-    as a polynomial, with their values its values.
+    `g` are samples of the noise, and the columns of `s` (WIDTH, n) the weights of WIDTH of them, from number k on. With
+    the polynomials of the interpolant as `s` the result is the noise as a polynomial, with their values its values.
     """
     a0, a1, a2, a3, a4, a5, a6, a7 = g[k], g[k + 1], g[k + 2], g[k + 3], g[k + 4], g[k + 5], g[k + 6], g[k + 7]
     k += 8
@@ -133,9 +135,10 @@ def interpolate(out, base, s, g, k):
 
 @kernel(fastmath={"contract"})
 def write_nodes(samples, node, ends):
-    """Write `node` (CHUNK,), the noise's share of P at the ends of the intervals that new samples complete.
+    """Write to `node` (CHUNK,) the noise's share of P at the ends of the CHUNK intervals that new samples complete.
 
-    `samples` (WIDTH - 1 + CHUNK,) of the noise; `ends` (2, WIDTH): as of `ClosedForm`.
+    `samples` (WIDTH - 1 + CHUNK,): of the noise, weighted for P; `ends` (2, WIDTH): as of `ClosedForm`, of which row 0,
+    values, is used. All are nondimensional.
     """
     node[:] = 0.0
     for i in range(0, WIDTH, 4):

@@ -26,7 +26,7 @@ _TAIL = 3.6541528853610088  # begin of the last layer
 
 
 def _ziggurat():
-    """Right ends (257,) of the layers, widest first, and the fraction (256,) of each that lies inside the next."""
+    """Return two arrays: right ends (257,) of the layers, widest first; fraction (256,) of each inside the next."""
     ends, area = np.zeros(257), 0.00492867323399  # of each layer
     density = math.exp(-0.5 * _TAIL**2)
     ends[0], ends[1] = area / density, _TAIL
@@ -54,9 +54,9 @@ def stream_keys(seed):
 
 @kernel
 def keys_at(keys, cycle):
-    """Return the keys (4,) uint64 of paths that begin at a `cycle`, a number from the scene's start.
+    """Return the keys (4,) uint64 of paths that begin at a `cycle`, a number counted from the scene's start, 0.
 
-    At cycle 0 they are `keys` (4,), those of the seed, else others.
+    At cycle 0 they are `keys` (4,) uint64 themselves, those of the seed; at another, hashes of both.
     """
     if cycle == 0:
         return keys
@@ -68,9 +68,9 @@ def keys_at(keys, cycle):
 
 @kernel
 def open_stream(keys, realization):
-    """Return the state (4,) uint64 of the random numbers of a realization, by its number.
+    """Return the first state (4,) uint64 of the generator of a realization, by its number (int, at least 0).
 
-    `keys` (4,) uint64 are those of a seed.
+    `keys` (4,) uint64 are those of a seed, from `stream_keys`.
     """
     name = hash_word(np.uint64(realization) + np.uint64(_GOLDEN))
     state = np.empty(4, np.uint64)
@@ -81,7 +81,7 @@ def open_stream(keys, realization):
 
 @kernel(inline="always")
 def _advance_generator(s0, s1, s2, s3):
-    """One step of the generator from its state s0 to s3, uint64: 64 random bits and the next state, a tuple of five."""
+    """Return (bits, s0, s1, s2, s3), all uint64: 64 random bits and the next state of a generator in state s0 to s3."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     s2 ^= s0
@@ -98,9 +98,9 @@ def next_word(state):
 
 @kernel
 def uniform_pairs(state, first, second, count):
-    """Fill two arrays with `count` numbers in [0, 1) each, in turn: what as many calls of `uniform` would give.
+    """Write `count` numbers in [0, 1) to each of `first` and `second`, in turn: those of as many calls of `uniform`.
 
-    `state` (4,) uint64 of a stream is advanced. `first` and `second` are (count,) or longer.
+    Both are arrays (count,) or longer. The `state` (4,) uint64 of a stream is advanced.
     """
     s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
     for n in range(count):
@@ -113,13 +113,13 @@ def uniform_pairs(state, first, second, count):
 
 @kernel
 def uniform(state):
-    """Return a number in [0, 1), a multiple of 2**-53, and advance the `state` (4,) uint64 of a stream."""
+    """Return a float, uniform in [0, 1), a multiple of 2**-53, and advance the `state` (4,) uint64 of a stream."""
     return float(next_word(state) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel(forceinline=True)
 def normal(state):
-    """Return a standard normal number, and advance the `state` (4,) uint64 of a stream."""
+    """Return a standard normal number (float), and advance the `state` (4,) uint64 of a stream."""
     while True:
         word = next_word(state)
         layer = np.int64(word & np.uint64(255))
@@ -137,7 +137,7 @@ def normal(state):
 
 @kernel
 def _tail(state):
-    """Return a normal number beyond the begin of the last layer, without its sign; `state` (4,) is a stream's."""
+    """Return a standard normal number, given that it is above `_TAIL`; the `state` (4,) uint64 is advanced."""
     while True:
         x = math.log(1.0 - uniform(state)) / _TAIL
         y = math.log(1.0 - uniform(state))
@@ -146,9 +146,9 @@ def _tail(state):
 
 
 def start_parameters(start):
-    """Return angle, velocity and the Cholesky factor xx, vx, vv of their covariance, shape (5,).
+    """Return an array (5,): angle and velocity of a `Start`, and xx, vx, vv of a factor of their covariance.
 
-    `start`: that of a scene; the factor is zero for a point.
+    The factor is the lower Cholesky factor [[xx, 0], [vx, vv]], 0 for a point. All are nondimensional.
     """
     spread = np.zeros((2, 2)) if start.covariance is None else np.linalg.cholesky(np.array(start.covariance))
     return np.array([start.angle, start.velocity, spread[0, 0], spread[1, 0], spread[1, 1]])
@@ -156,9 +156,9 @@ def start_parameters(start):
 
 @kernel
 def draw_start(stream, start):
-    """Draw angle and velocity at τ = 0, by the numbers (5,) of `start_parameters`.
+    """Return (angle, velocity) at τ = 0, nondimensional, drawn by the numbers `start` (5,) of `start_parameters`.
 
-    `stream` (4,) uint64 gives the random numbers; a point takes none.
+    `stream` (4,) uint64: state of the random numbers, which is advanced; a start at a point takes none.
     """
     angle, velocity, xx, vx, vv = start
     if xx > 0.0:

@@ -64,9 +64,11 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the `Parameters` of a scene with band noise or none; a realization does not depend on `times`.
+    """Return the named tuple `Parameters` of a `Scene` with band noise or none.
 
-    `steps_per_cycle` sets the step; `times` (rows,) are since the begin of the table period.
+    `steps_per_cycle` sets the step. `times` (rows,), at which states are wanted, are nondimensional and count from the
+    begin of the table period (a cycle, or the whole time), by default its end alone; a realization does not depend on
+    them.
     """
     grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return Parameters(
@@ -80,9 +82,9 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def _envelope_values(envelope, grid):
-    """Return the `envelope` (count, 3) at the begin, the middle and the end of every step of a `TimeGrid`.
+    """Return an array (count, 3), an `Envelope` at the begin, the middle and the end of each step of a `TimeGrid`.
 
-    It is 1 where there is none.
+    It is 1 for an `envelope` of None.
     """
     if envelope is None:
         return np.ones((grid.count, 3))
@@ -92,7 +94,10 @@ def _envelope_values(envelope, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread for `Parameters`: for all harmonics, and a chunk of 20 steps at most."""
+    """Return the named tuple `Workspace` of a thread: arrays for all harmonics, and for a chunk of 20 steps at most.
+
+    `parameters`: the engine's `Parameters`.
+    """
     n = parameters.grid.count
     chunks = (n + 19) // 20  # of 20 steps at most: noise that is made for an overturned block is in vain
     length = (n + chunks - 1) // chunks
@@ -110,10 +115,10 @@ def workspace_of(parameters):
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw start and noise from `stream`; return (angle, velocity), and the same again as the state.
+    """Draw start and noise from `stream` (4,) uint64; return (angle, velocity) twice, also as the state.
 
-    The harmonics, and the rotations by which they are sampled, are written to the `Workspace`. `parameters`,
-    `workspace`: the engine's `Parameters` and `Workspace`.
+    They are nondimensional. The harmonics, and the rotations by which they are sampled, are written to
+    `workspace.harmonics`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `cycle` is not used.
     """
     n, length, harmonics = parameters.grid.count, workspace.low.size, workspace.harmonics
     state = draw_start_and_noise(stream, parameters.start, parameters.band, harmonics)
@@ -126,10 +131,10 @@ def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
 
 @kernel(forceinline=True)
 def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Write to the `Workspace` the chunk of steps that begins with step j; nothing where j is within a chunk.
+    """Write the force in the chunk of steps that begins with step j to `workspace`; nothing if j is within a chunk.
 
-    It is the force, its bounds and what it adds to each step, as of `_write_chunk`. `number` counts steps from the
-    begin of the run at `cycle`, j from that of the table period; `stream` is not used. `parameters`, `workspace`: the
+    Its bounds and what it adds to each step are written too, see `_write_chunk`. `number` counts steps from the begin
+    of the run at `cycle`, j from that of the table period; `stream` is not used. `parameters`, `workspace`: the
     engine's `Parameters` and `Workspace`.
     """
     if j % workspace.low.size == 0:
@@ -138,10 +143,11 @@ def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
 
 @kernel
 def _write_chunk(number, first, cycle, parameters, workspace):
-    """Write to the `Workspace` the force in a chunk of steps, its bounds, and what it adds to each step.
+    """Write the force in a chunk of m steps, its bounds, and what it adds to each step, to arrays of `workspace`.
 
-    `first` is the chunk's first step, from the begin of the table period; `number` the same from that of the run, which
-    begins at `cycle`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    They are `noise` (2 m + 1,), `force` (m, 3), `low`, `high` (m,) and `push` (m, 2), nondimensional. `first` is the
+    chunk's first step, from the begin of the table period; `number` the same from that of the run, which begins at
+    `cycle`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     n, length, harmonics, h = parameters.grid.count, workspace.low.size, workspace.harmonics, parameters.grid.spacing
     cycle += number // n
@@ -164,9 +170,10 @@ def _write_chunk(number, first, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
-    """Angle and velocity of a slender block after step k of a chunk, of duration h, without an event.
+    """Return (angle, velocity) of a slender block after step k of a chunk, of duration h, without an event.
 
-    (x, v) is before the step; what the force adds is `workspace.push`. `workspace` is the engine's `Workspace`.
+    (x, v), angle and velocity, are before the step, and `side` is 1 or -1; all is nondimensional. What the force adds
+    is `workspace.push`; `workspace` is the engine's `Workspace`, and `block` is not used.
     """
     keep, swap, share = runge_kutta_coefficients(h)
     return keep * x + swap * v + workspace.push[k, 0] - side * share, swap * x + keep * v + workspace.push[
@@ -176,9 +183,10 @@ def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
 
 @kernel(inline="always")
 def classical_step(u, w, side, begin, middle, end, h, block):
-    """Folded angle and velocity after a step h of the classical Runge-Kutta method, without an event.
+    """Return (u, w) after a step of duration h of the classical Runge-Kutta method of order 4, without an event.
 
-    (u, w) is before the step; `begin`, `middle`, `end` are the force at these times, nondimensional.
+    u = s x and w = s v are the folded angle and velocity, those passed are before the step, and `side` is s, 1 or -1;
+    `begin`, `middle`, `end` are the force f at these times, `block` a `KernelBlock`. All is nondimensional.
     """
     half = 0.5 * h
     first = acceleration(u, side, begin, block)
@@ -190,9 +198,10 @@ def classical_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _exact_step(x, v, side, k, h, workspace, block):
-    """Angle and velocity of an exact block after step k of a chunk, of duration h, without an event.
+    """Return (angle, velocity) of an exact block after step k of a chunk, of duration h, without an event.
 
-    (x, v) is before the step; the force is `workspace.force`. `workspace` is the engine's `Workspace`.
+    (x, v), angle and velocity, are before the step, and `side` is 1 or -1; all is nondimensional. The force is
+    `workspace.force`; `workspace` is the engine's `Workspace`, and `block` a `KernelBlock`.
     """
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     u, w = classical_step(side * x, side * v, side, begin, middle, end, h, block)
@@ -204,10 +213,10 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Whether step j of the table period surely has no event, and (angle, velocity) at its end if so.
+    """Return whether step j of the table period surely has no event (bool), and (angle, velocity) at its end if so.
 
-    `state` is (angle, velocity) at its begin; `number` is not used. `workspace` is the engine's `Workspace`.
-    `parameters` are its `Parameters`.
+    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; `number` is not used.
+    `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
     """
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
@@ -222,10 +231,10 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel
 def _build_force(number, j, parameters, workspace):  # noqa: ARG001
-    """Write P of the force in step j of the table period to `workspace.particular` (TERMS,).
+    """Write P of the force f in step j of the table period to `workspace.particular` (TERMS,), coefficients.
 
-    The force is the parabola through its three values in the step; time counts from the step's begin. `workspace` is
-    the engine's `Workspace`. `parameters` are its `Parameters`; `number` is not used.
+    P solves P'' = P + f, where f is the parabola through its three values in the step; time counts from the step's
+    begin. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `number` is not used.
     """
     k, h = j % workspace.low.size, parameters.grid.spacing
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
@@ -239,11 +248,12 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 
 @kernel
 def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a `share` of step j; return (angle, velocity), side, time of overturning.
+    """Carry a block through a `share`, up to 1, of step j; return ((angle, velocity), side, time).
 
-    That is inf for none. `state` is (angle, velocity) at the step's begin; `number` counts from the begin of the run at
-    `cycle`; `impacts` records times since τ = 0; `end` is not used. `workspace` is the engine's `Workspace`.
-    `parameters` are its `Parameters`.
+    The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the step's begin,
+    `side` 1, -1 or 0 at rest; `number` counts steps from the begin of the run at `cycle`; `impacts` is an
+    `ImpactRecord`, of times since τ = 0; `end` is not used. `parameters`, `workspace`: the engine's `Parameters` and
+    `Workspace`.
     """
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block

@@ -68,7 +68,10 @@ class Population(NamedTuple):
 
 @kernel
 def allocate_population(walkers, steps):
-    """Return a `Population` of walkers without a record, for paths of so many steps; memory is touched as it fills."""
+    """Return the named tuple `Population` of a number of `walkers` without a record, for paths of so many `steps`.
+
+    Its arrays are (walkers, steps + 1) and the like; memory is touched as it fills.
+    """
     return Population(
         np.empty((walkers, steps + 1)),
         np.empty((walkers, steps + 1), np.int64),
@@ -83,9 +86,10 @@ def allocate_population(walkers, steps):
 
 @kernel
 def record_score(population, i, score, step, a, b, c):
-    """Record the state (a, b, c) of walker i at a `step`, if its score is the highest along its path so far.
+    """Record the state of walker i at a `step` (its number), if the `score` is the highest along its path so far.
 
-    `population`: the `Population` that is written to.
+    (a, b, c), three floats, are the folded angle, the folded velocity and the side, 1 or -1; nondimensional, as is the
+    score. They are written to `population`, a `Population`.
     """
     k = population.records[i]
     if k == 0 or score > population.score[i, k - 1]:
@@ -98,7 +102,9 @@ def record_score(population, i, score, step, a, b, c):
 def raise_level(population, stream):
     """Kill all walkers of a `Population` at the lowest score and branch survivors in their place.
 
-    `stream` draws the survivors. Return False if every score is infinite, or no walker survives.
+    Return whether the chain goes on (bool): False if every score is infinite, or no walker survives. `stream` (4,)
+    uint64, the state of the random numbers, draws the survivors. The weight and the counts of levels and of killed
+    walkers are updated.
     """
     walkers = population.records.size
     level = math.inf
@@ -124,7 +130,10 @@ def raise_level(population, stream):
 
 @kernel
 def _branch(population, i, parent, level):
-    """Begin walker i of a `Population` anew at the first state above the `level` (a score) of walker `parent`."""
+    """Begin walker i of a `Population` anew: its records become the first state of walker `parent` above `level`.
+
+    `i`, `parent`: numbers of walkers; `level`: a score.
+    """
     k = 0
     while population.score[parent, k] <= level:
         k += 1
@@ -165,7 +174,10 @@ class ScoreTable(NamedTuple):
 
 @functools.lru_cache(maxsize=1)
 def score_table(scene, intervals):
-    """Return the `ScoreTable` of a scene with white noise, at the begins of `intervals` equal parts of a cycle."""
+    """Return the named tuple `ScoreTable` of a `Scene` with white noise, at the begins of equal parts of a cycle.
+
+    `intervals`: number of the parts. All is nondimensional.
+    """
     cutoff, span = scene.overturning.angle, scene.period / intervals
     # No faster block falls back, nor comes in from a fall (docs/theory section 7).
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
@@ -177,7 +189,7 @@ def score_table(scene, intervals):
 
 
 def _noiseless_forcing(scene, intervals, span):
-    """Return the `NoiselessForcing` of a scene, whose cycle has `intervals` of a duration `span`."""
+    """Return the named tuple `NoiselessForcing` of a `Scene`, whose cycle has `intervals` of a duration `span` each."""
     # Segments as long as their polynomials are good to 1e-6.
     stride = max(1, int(min(0.8, scene.forcing.longest_piece) / span))
     duration = stride * span
@@ -191,18 +203,21 @@ def _noiseless_forcing(scene, intervals, span):
 
 @kernel(inline="always")
 def _distance(u, w, side, particular, t, block):
-    """Coordinate z of a `KernelBlock` at t, counted from the saddle of its side; see `unstable_coordinate`.
+    """Return z = u + w - m - s (P + P') at t, the distance from the separatrix of a `KernelBlock`; above 0 it escapes.
 
-    `u`, `w` are the folded state, and `particular` (TERMS,) are the coefficients of P.
+    u = s x and w = s v are the folded angle and velocity, `side` is s, 1 or -1, m the saddle of that side;
+    `particular` (TERMS,) are the coefficients of P, with P'' = P + f. All is nondimensional.
     """
     return unstable_coordinate(u + (1.0 - saddle(side, block)), w, side, particular, t)
 
 
 @kernel
 def _follow(u, w, side, j, forcing):
-    """Score of a state (u, w, side) at time j of the cycle, by its path under a `NoiselessForcing`.
+    """Return the score (float) of a state at the j-th time of `forcing`: the largest z of its path without noise.
 
-    The path is followed until it escapes or comes to rest, or for the foresight at most.
+    u = s x and w = s v are the folded angle and velocity, `side` is s, 1 or -1; z, above 0 if the block escapes, is
+    taken at the begin and after each impact. The path under `forcing`, a `NoiselessForcing`, is followed until it
+    escapes or comes to rest, or for the foresight at most. All is nondimensional.
     """
     best = _distance(u, w, side, forcing.particular[j], 0.0, forcing.block)
     x, v = side * u, side * w
@@ -225,9 +240,10 @@ def _follow(u, w, side, j, forcing):
 
 @kernel
 def _write_scores(begin, end, table, forcing, fastest):
-    """Write rows `begin` to `end` of the `table` of a `ScoreTable`, counted over its first three axes.
+    """Write the scores in rows `begin` up to `end` of `table` (m, 2, n_angle, n_velocity), see `ScoreTable`.
 
-    `forcing`: `NoiselessForcing`; velocities run from -`fastest` to `fastest`.
+    Rows are counted over the first three axes: time of the cycle, side, folded angle. `forcing`: a `NoiselessForcing`;
+    folded velocities run from -`fastest` to `fastest`, nondimensional.
     """
     _, sides, angles, velocities = table.shape
     for row in range(begin, end):
@@ -240,9 +256,10 @@ def _write_scores(begin, end, table, forcing, fastest):
 
 @kernel
 def score_of_state(u, w, side, j, scores):
-    """Score of a state (u, w, side) at time j of the cycle, by a `ScoreTable`.
+    """Return the score (float) of a state (u, w, side) at the j-th time of `scores`, a `ScoreTable`.
 
-    It is bilinear between the table's nodes; beyond them, that at its edge.
+    u and w are the folded angle and velocity, nondimensional, the side is 1 or -1. The score is bilinear between the
+    table's nodes; beyond them, that at its edge.
     """
     table = scores.table[j, (side + 1) // 2]
     a = min(max(u * scores.per_angle, 0.0), table.shape[0] - 1.0)
@@ -256,9 +273,9 @@ def score_of_state(u, w, side, j, scores):
 
 @kernel
 def _begin_walker(stream, i, population, parameters, scores):
-    """Draw the start of walker i of a `Population` from `stream`, and record it.
+    """Draw the start of walker i from `stream` (4,) uint64, and record it in a `Population`, at step 0.
 
-    `parameters`: those of the engine `white`; `scores`: a `ScoreTable`.
+    Its score is inf where it starts overturned. `parameters`: those of the engine `white`; `scores`: a `ScoreTable`.
     """
     x, v = draw_start(stream, parameters.start)
     side = first_side(x, v, parameters)
@@ -268,10 +285,10 @@ def _begin_walker(stream, i, population, parameters, scores):
 
 @kernel
 def _continue_walker(stream, i, population, steps, parameters, scores):
-    """Take walker i of a `Population` from its last record to overturning or to the last of `steps`.
+    """Take walker i of a `Population` from its last record to overturning or to step number `steps`, and record it.
 
-    `stream` gives the random numbers; `parameters`: those of the engine `white`, whose intervals are the steps;
-    `scores`: a `ScoreTable`.
+    `stream` (4,) uint64: state of the random numbers; `parameters`: those of the engine `white`, whose intervals are
+    the steps; `scores`: a `ScoreTable`. Overturned, its score is inf.
     """
     k = population.records[i] - 1
     step, state = population.step[i, k], population.state[i, k]
@@ -286,11 +303,12 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
 
 @kernel
 def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
-    """Run one splitting of a number of walkers; return the numbers of levels and of killed walkers.
+    """Run one splitting of a number of `walkers`; return two integers, the levels passed and the walkers killed.
 
-    Its estimates are added to `overturned` (cycles + 1, 2), zeros before. Its random numbers are a function of the keys
-    (4,) of a seed, its number `repeat` among the repeats, and the walkers. `parameters`: those of the engine `white`;
-    `scores`: a `ScoreTable`.
+    Its estimates, the probability of having overturned by each cycle to the left and to the right, are added to
+    `overturned` (cycles + 1, 2), zeros before. Its random numbers are a function of the `keys` (4,) uint64 of a seed,
+    its number `repeat` among the repeats, and the walkers. `parameters`: those of the engine `white`; `scores`: a
+    `ScoreTable`.
     """
     # A count of references would cost more than the steps.
     keys, parameters, scores, overturned = borrowed((keys, parameters, scores, overturned))

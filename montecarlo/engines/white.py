@@ -84,10 +84,11 @@ class Parameters(NamedTuple):
 
 @kernel
 def _write_segments(particular, span, force, low, high, curvature, stages, drift, block):
-    """Write the tables `force` to `drift` of `Parameters`, for intervals of a duration `span`.
+    """Write the tables `force` to `drift` of `Parameters`, nondimensional, for m intervals of a duration `span`.
 
-    `particular` (m, TERMS): P of the forcing in the time since each interval's begin. The tables are written in place,
-    and have the shapes that `Parameters` tells.
+    They are `force` (m, TERMS), `low`, `high`, `curvature` (m,), `stages` (m, 3) and `drift` (m, 2, 2). `particular`
+    (m, TERMS): coefficients of P, with P'' = P + f of the forcing f, in the time since each interval's begin; `block`:
+    a `KernelBlock`.
     """
     for j in range(low.size):
         segment = segment_from_particular(particular[j], force[j], span)
@@ -99,9 +100,11 @@ def _write_segments(particular, span, force, low, high, curvature, stages, drift
 
 
 def _noise_factors(diffusions, envelope, span):
-    """Return `spread` (m, 3) of a `Parameters`, exact where the envelope (or None) is smooth.
+    """Return `spread` (m, 3) of `Parameters`: xx, vx, vv of a Cholesky factor [[xx, 0], [vx, vv]], nondimensional.
 
-    `diffusions` (m,): D in each interval, with the mean square of the envelope; `span`: duration of one.
+    Its covariance is that of angle and velocity that the noise gives a slender block in each of m intervals, exact
+    where the `envelope`, an `Envelope` or None, is smooth. `diffusions` (m,): D in each interval, with the mean square
+    of the envelope; `span`: duration of one.
     """
     if envelope is None:
         return np.sqrt(diffusions)[:, None] * np.array(covariance_factor(1.0, span))
@@ -117,11 +120,12 @@ def _noise_factors(diffusions, envelope, span):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the `Parameters` of a scene with white noise.
+    """Return the named tuple `Parameters` of a `Scene` with white noise.
 
-    `steps_per_cycle` sets the shortest step; `times` (rows,) are since the begin of the table period. No step and no
-    bounce that is one draw outlasts one of them, so other times mean other paths (of the same law). ValueError for a
-    scene that white noise does not allow.
+    `steps_per_cycle` sets the shortest step; `times` (rows,), at which states are wanted, are nondimensional and count
+    from the begin of the table period (a cycle, or the whole time), by default its end alone. No step and no bounce
+    that is one draw outlasts one of them, so other times mean other paths (of the same law). ValueError for a scene
+    that white noise does not allow.
     """
     diffusion = scene.noise.diffusion
     if diffusion == 0.0:
@@ -163,9 +167,11 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 @kernel(inline="always")
 def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG001
-    """Folded angle and velocity of a slender block after all of interval j, without an event.
+    """Return (u, w) of a slender block at the end of interval j, without an event; nondimensional.
 
-    (u, w) is at its begin; `first`, `second` are standard normal numbers. `parameters`: the engine's `Parameters`.
+    u = s x and w = s v are the folded angle and velocity, those passed are at its begin, and `side` is s, 1 or -1;
+    `first`, `second` are standard normal numbers, j is the row of the tables. `parameters`: the engine's `Parameters`;
+    `block` is not used.
     """
     drift = parameters.drift[j, (side + 1) // 2]
     keep, swap = parameters.hyperbolic
@@ -176,9 +182,11 @@ def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG
 
 @kernel(inline="always")
 def _draw_exact(u, w, side, first, second, j, parameters, block):
-    """Folded angle and velocity of an exact block after all of interval j, without an event.
+    """Return (u, w) of an exact block at the end of interval j, without an event; nondimensional.
 
-    (u, w) is at its begin; `first`, `second` are standard normal numbers. `parameters`: the engine's `Parameters`.
+    u = s x and w = s v are the folded angle and velocity, those passed are at its begin, and `side` is s, 1 or -1;
+    `first`, `second` are standard normal numbers, j is the row of the tables. `parameters`: the engine's `Parameters`;
+    `block`: a `KernelBlock`.
     """
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
     u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
@@ -191,11 +199,13 @@ _draw = dispatch_on_block(_draw_slender, _draw_exact)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
-    """Take the block from `start` to `end` of interval j of the table period; return u, w, side, time reached.
+    """Take the block from `start` to `end` of interval j of the table period; return (u, w, side, time reached).
 
-    That time is less than `end` if it has overturned, and up to `until` if it bounces then. Times count from `origin`,
-    that of the interval's begin since τ = 0, and `end` is at most its end; `impacts` is an `ImpactRecord`, or None for
-    no record. `stream` (4,) gives the random numbers; `parameters`: the engine's `Parameters`.
+    u = s x and w = s v are the folded angle and velocity, and `side` is s, 1 or -1, all nondimensional; overturned, u
+    is at or above the cut-off. The time is less than `end` if it has overturned, and up to `until` if it bounces then.
+    Times count from `origin`, the τ of the interval's begin, and an `end` beyond the interval's is that; `impacts` is
+    an `ImpactRecord`, or None for no record. `stream` (4,) uint64: state of the random numbers; `parameters`: the
+    engine's `Parameters`.
     """
     span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
@@ -226,10 +236,12 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
 
 @kernel
 def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
-    """Take the block through a part of an interval without noise; return u, w, side and the time reached.
+    """Take the block through a part of an interval without noise; return (u, w, side, time reached).
 
-    It may rest: u = w = 0, side 1. `start`, `end` count from the begin of the `Segment`, which is at `origin` since τ =
-    0; `impacts` is an `ImpactRecord` or None. `parameters`: the engine's `Parameters`.
+    u = s x and w = s v are the folded angle and velocity, and `side` is s, 1 or -1, all nondimensional; at rest u = w =
+    0, and the side returned is 1. The time is `end`, or that of overturning. Times count from the begin of the
+    `Segment`, which is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None. `parameters`: the engine's
+    `Parameters`.
     """
     side = 0 if u == 0.0 and w == 0.0 else side
     x, v, side, time = advance_through_events(
@@ -242,9 +254,10 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 
 @kernel
 def is_clear(u, w, side, j, parameters):
-    """Whether neither barrier, x = 0 or cut-off, is within some standard deviations of (u, w) in all of interval j.
+    """Whether a block surely keeps 4 standard deviations from both barriers, x = 0 and the cut-off, in interval j.
 
-    `parameters`: the engine's `Parameters`.
+    (u, w) are its folded angle and velocity at the begin, s x and s v, nondimensional, and `side` is s, 1 or -1; j is
+    the row of the tables. `parameters`: the engine's `Parameters`, with these distances as `margin`. A bool.
     """
     below, above = folded_angle_bounds(
         u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block
@@ -254,9 +267,10 @@ def is_clear(u, w, side, j, parameters):
 
 @kernel
 def first_side(x, v, parameters):
-    """Side, 1 or -1, of a start; at rest it is where the force of the first of `Parameters` pushes.
+    """Return the side, 1 or -1, of a start at angle x and velocity v, nondimensional.
 
-    Otherwise the first step would begin with an impact. `parameters`: the engine's `Parameters`.
+    It is the sign of x, at x = 0 that of v, and at rest that of the force at the begin: otherwise the first step would
+    begin with an impact. `parameters`: the engine's `Parameters`.
     """
     push = v if v != 0.0 else parameters.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
@@ -264,18 +278,19 @@ def first_side(x, v, parameters):
 
 @kernel
 def _workspace_of(parameters):  # noqa: ARG001
-    """Return nothing: a path needs no working memory."""
+    """Return None: a path of this engine needs no working memory, and `parameters` are not used."""
     return
 
 
 @kernel(forceinline=True)
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):  # noqa: ARG001
-    """Simulate one realization; return the time of overturning (nan: never) and its side (0: never).
+    """Simulate one realization; return (time, side) of overturning: τ, or nan for never; -1 or 1, or 0 for never.
 
-    `angle`, `velocity` (periods * rows + 1,) are filled up to overturning; `cycle` is the one at which the run begins.
-    A path cannot be looked at within a step, as that would take random numbers: its steps end at the output times, so
-    `unkept` and `workspace` are not used. `stream` (4,) gives the random numbers; `parameters`: the engine's
-    `Parameters`; `impacts`: an `ImpactRecord`.
+    `angle`, `velocity` (periods * rows + 1,) are filled up to overturning, nondimensional, at the begin and at the
+    `rows` output times of each table period; `cycle` (int) is the one at which the run begins. A path cannot be looked
+    at within a step, as that would take random numbers: its steps end at the output times, so `unkept` and `workspace`
+    are not used. `stream` (4,) uint64: state of the random numbers; `parameters`: the engine's `Parameters`;
+    `impacts`: an `ImpactRecord`.
     """
     intervals, span, times = parameters.grid.count, parameters.grid.spacing, parameters.grid.output_times
     x, v = draw_start(stream, parameters.start)

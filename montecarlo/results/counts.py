@@ -73,7 +73,7 @@ class Counts(NamedTuple):
 
 
 def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:
-    """Return `Counts` of no realization, for times (rows,) and edges of bins, nondimensional.
+    """Return the named tuple `Counts`, of zeros, for `times` τ (rows,) and edges of bins (n + 1,), nondimensional.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
     `fpk_rocking.results.grids.joint_edges`, which holds four standard deviations of the noise.
@@ -95,7 +95,10 @@ def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges:
 
 
 def add(counts: Counts, batch: Any) -> None:
-    """Add a `Batch` of realizations to the counts, in place, or raise ValueError for a wild state and add nothing."""
+    """Add the realizations of a `Batch` (`montecarlo.engines.batches`) to `counts`, in place.
+
+    ValueError, and nothing is added, where a state is so large that the sums could overflow.
+    """
     rows = _in_rows(batch.overturn_time, counts.times)
     if not _add(counts, batch.angle, batch.velocity, rows, batch.overturn_side, batch.returns):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
@@ -106,16 +109,19 @@ def add(counts: Counts, batch: Any) -> None:
 
 
 def _in_rows(time, times):
-    """Return times (n,) in rows: numbers of the `times` (rows,), with the part of the way to the next."""
+    """Return, for each of n times `time` (n,), its place among `times` (rows,): an index with a fraction, (n,).
+
+    nan stays nan.
+    """
     return np.interp(time, times, np.arange(float(len(times))))
 
 
 @kernel
 def _add(counts, angle, velocity, overturn_row, overturn_side, returns):
-    """Add a batch to `Counts` in one call, which no interrupt can cut in two; return whether it was added.
+    """Add a batch to the arrays of `Counts` in one call, which no interrupt can cut in two; return whether it was done.
 
-    `angle`, `velocity` (count, rows) are nan after overturning, `overturn_row` (count,) is the time of it in rows, see
-    `_in_rows`, and `overturn_side` (count,) is 0 for none; `returns` (2,) are of the batch.
+    `angle`, `velocity` (count, rows), nondimensional, are nan after overturning, `overturn_row` (count,) is the time of
+    it in rows, see `_in_rows`, and `overturn_side` (count,) is -1, 1, or 0 for none; `returns` (2,) are of the batch.
     """
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
@@ -141,7 +147,7 @@ def _add(counts, angle, velocity, overturn_row, overturn_side, returns):
 
 @kernel
 def _cycles_standing(angle, velocity, to_quanta):
-    """Return the number of times at which a block stands, -1 if it has a state without a number of quanta.
+    """Return the number (int) of times at which a block stands, or -1 if one of its states is too large to be counted.
 
     `angle`, `velocity` (rows,) are its states, nan after overturning; `to_quanta` (2,): 1 over the quantum of each.
     """
@@ -155,9 +161,10 @@ def _cycles_standing(angle, velocity, to_quanta):
 
 @kernel
 def _passage(standing, time):
-    """Return the row of `passages` in which an overturning at a `time`, in rows, is counted.
+    """Return the row (int) of `Counts.passages` in which an overturning is counted.
 
-    `standing` is the number of rows at which the block stood: what is gone at a time has passed since the one before.
+    `time` is that of overturning in rows (a float, see `_in_rows`), `standing` the number of rows at which the block
+    stood: what is gone at a time has passed since the one before.
     That holds whatever rounding makes of a time near the ends; time 0 gives row 0.
     """
     part = math.ceil((time - (standing - 1)) * PARTS)
@@ -166,9 +173,9 @@ def _passage(standing, time):
 
 @kernel
 def _add_state(counts, k, angle, velocity, to_quanta):
-    """Add one state of a standing block at row k to the `Counts`: its number, bin and sums.
+    """Add one state of a standing block at row k to `counts`, the `Counts`: to `standing`, `histogram` and sums.
 
-    `to_quanta` (2,): 1 over the quantum of angle and of velocity.
+    `angle` and `velocity` are nondimensional; `to_quanta` (2,): 1 over the quantum of each.
     """
     counts.standing[k] += 1
     i, j = _bin_of(counts.angle_edges, angle), _bin_of(counts.velocity_edges, velocity)
@@ -184,7 +191,7 @@ def _add_state(counts, k, angle, velocity, to_quanta):
 
 @kernel
 def _add_product(total, product):
-    """Add a `product` (int64) of two numbers of quanta to `total` (2,), sums of its high and its low half."""
+    """Add a `product` (int64) of two numbers of quanta to `total` (2,) int64, sums of high and of low halves."""
     high = product >> _HALF
     total[0] += high
     total[1] += product - (high << _HALF)
@@ -192,9 +199,9 @@ def _add_product(total, product):
 
 @kernel
 def _bin_of(edges, value):
-    """Return the bin of a value among ascending edges (n + 1,) as `numpy.histogram` has it; -1 for none.
+    """Return the index (int) of the bin of a `value` among ascending `edges` (n + 1,), from 0; -1 for none.
 
-    The last bin is closed on both sides.
+    As in `numpy.histogram` the last bin is closed on both sides.
     """
     low, high = 0, edges.size - 1
     if not edges[low] <= value <= edges[high]:
@@ -211,8 +218,8 @@ def _bin_of(edges, value):
 def moments(counts: Counts) -> tuple[Array, Array]:
     """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks of `Counts`, nan where none stands.
 
-    They are nondimensional, of angle and velocity after each cycle, and those of the rounded states, right to the last
-    digit whatever cancels: Python's integers have no end.
+    They are nondimensional, of angle and velocity at each of the times, and those of the rounded states, right to the
+    last digit whatever cancels: Python's integers have no end.
     """
     mean = np.full(counts.sums.shape, math.nan)
     covariance = np.full((*counts.sums.shape, 2), math.nan)

@@ -43,7 +43,7 @@ class Sample(SurvivalResult):
 
     @property
     def engine(self) -> str:
-        """Name of the engine and its method."""
+        """Name of the engine and its method, as "Monte Carlo rk4"."""
         return f"Monte Carlo {self.method}"
 
     @property
@@ -67,7 +67,7 @@ class Sample(SurvivalResult):
         return settings | ({"outcome": self._outcome()} if self.deterministic else {})
 
     def _outcome(self):
-        """Outcome of the one path of a deterministic scene as a text: whether, where and when it overturns."""
+        """Return what the one path of a deterministic scene does as a text: whether, where and when it overturns."""
         if self.first_overturning is None:
             return f"deterministic: stands until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning
@@ -76,7 +76,7 @@ class Sample(SurvivalResult):
         return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
 
     def _time_text(self, time):
-        """Return a time τ as a text, with seconds where the size of the block is known."""
+        """Return a `time` τ (float) as a text, with seconds where the size of the block is known."""
         size = self.scene.block.size
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
@@ -108,7 +108,7 @@ class Sample(SurvivalResult):
         return f"P(overturned) = {over:z.4f} ± {half:#.2g} (95 %, sampling)"
 
     def summary(self) -> dict[str, Any]:
-        """Noise, rows, metadata, survival, "interval" (95 %), overturned, verdict and remarks, for JSON."""
+        """Return a dict for JSON: noise, rows, metadata, survival, "interval" (95 %), overturned, verdict, remarks."""
         values = super().summary()
         interval = values.pop("survival_interval", None)
         return values if interval is None else values | {"interval": interval}
@@ -125,17 +125,17 @@ class Sample(SurvivalResult):
 
     @property
     def survivors(self) -> Array:
-        """Number of realizations that have not overturned by kT, shape (cycles + 1,)."""
+        """Number of realizations that have not overturned after each cycle, shape (cycles + 1,)."""
         return self.realizations - self.overturned_counts.sum(axis=1)
 
     @property
     def survival(self) -> Array:
-        """Probability of not having overturned by kT, shape (cycles + 1,)."""
+        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
         return self.survivors / self.realizations
 
     @property
     def overturned(self) -> Array:
-        """Probability of having overturned by kT to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
         return self.overturned_counts / self.realizations
 
     def survival_interval(self, level: float = 0.95) -> Array:
@@ -230,21 +230,21 @@ class Ensemble(Saved, Sample):
 
     @property
     def first_overturning(self) -> tuple[float, float, int] | None:
-        """Twice the time of overturning of the first realization, and the side; None if it stands."""
+        """(time, time, side) of overturning of realization 0: τ twice, and -1 or 1; None if it stands."""
         time, side = float(self.overturn_time[0]), int(self.overturn_side[0])
         return (time, time, side) if side else None
 
     def _binned(self, row, edges):
-        """Shares of the realizations that stand in each bin (angle bins, velocity bins) at a row, a time's number.
+        """Return the shares of all realizations that stand in each bin at a `row`, shape (angle bins, velocity bins).
 
-        `edges` are a pair of arrays, bin edges in angle and velocity.
+        `row` (int) is the number of a time; `edges` are a pair of arrays, bin edges in angle and velocity.
         """
         standing = np.isfinite(self.angle[:, row])
         points = self.angle[standing, row], self.velocity[standing, row]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
     def dataset(self) -> Dataset:
-        """All of a sample, and the states and overturnings of every realization."""
+        """Return the `Dataset` (named arrays) of a `Sample`, with states and overturnings of every realization."""
         dataset = super().dataset()
         dataset.variables.update(
             angle=(("realization", "time"), self.angle),

@@ -90,17 +90,17 @@ class Histories(Saved, Result):
         return np.bincount(self.impact_realization, minlength=self.realizations)
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of the model, and of the time steps of a path where nothing is random."""
+        """Return a list of `Diagnostic`: on the model, and on the time steps of a path where nothing is random."""
         return super().model_diagnostics() + (path_diagnostics(self.method) if self.scene.deterministic else [])
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok": single paths have no sampling error."""
+        """Reason of the verdict "ok", as a sentence: single paths have no sampling error."""
         return EXACT_PATH if self.scene.deterministic else "These are single paths: nothing is estimated from them."
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Method, seed, sizes and seconds, as plain values by name."""
+        """Plain values by name: method, seed, steps and samples in a cycle, "realizations", and "wall_s" in seconds."""
         return super().metadata | {"realizations": self.realizations}
 
     @property
@@ -113,8 +113,9 @@ class Histories(Saved, Result):
         )
 
     def dataset(self) -> Dataset:
-        """Arrays of the result by name; a row of the table is the state of a realization at a time.
+        """Return the `Dataset` (named arrays) of states, overturnings and impacts.
 
+        A row of its table is the state of a realization at a time.
         The impacts are arrays of their own, beside the table.
         """
         return Dataset(
@@ -146,12 +147,12 @@ class Histories(Saved, Result):
         from fpk_rocking.results.pictures import figure_of
 
         def angles(_, axes):
-            """Draw the angles over time."""
+            """Draw the angles over time on matplotlib `axes`; the first argument is not used."""
             axes.plot(self.time, self.angle[:realizations].T, linewidth=0.9)
             axes.set(xlabel="time τ", ylabel="angle Θ")
 
         def plane(_, axes):
-            """Draw the paths in the phase plane."""
+            """Draw the paths in the phase plane on matplotlib `axes`; the first argument is not used."""
             axes.plot(self.angle[:realizations].T, self.velocity[:realizations].T, linewidth=0.7)
             axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
 

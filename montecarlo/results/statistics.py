@@ -65,6 +65,7 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
     Returns
     -------
     Histogram
+        Named tuple: `edges`, `counts`, `density` (n,) per unit of τ, and its limits `interval` (n, 2).
 
     Raises
     ------
@@ -107,6 +108,8 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
     Returns
     -------
     Histogram
+        Named tuple: `edges`, `counts`, `density` (n,) per unit of speed, nondimensional, and its limits,
+        `interval` (n, 2).
 
     Raises
     ------
@@ -172,9 +175,9 @@ def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
 
 
 def _histogram(edges, counts, trials, interval):
-    """Make a `Histogram` of counts (n,) of `trials` and of limits (n, 2) of the share of each bin, `interval`.
+    """Return the named tuple `Histogram` of `counts` (n,) in bins of `edges` (n + 1,).
 
-    `edges` (n + 1,) are those of the bins.
+    `trials`: number of all values, in the bins or not; `interval` (n, 2): limits of the share of each bin.
     """
     widths = np.diff(edges)
     return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])
@@ -223,9 +226,10 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     Returns
     -------
     Rate
-        Per forcing cycle. The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936)
-        and supposes that all blocks have the same rate. Under band noise they have not: its frequencies are drawn once
-        for each block, and blocks in greater danger overturn earlier.
+        Named tuple: `rate` per forcing cycle, its limits `interval` (2,), and `count`, overturned blocks. The interval
+        is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936) and supposes that all blocks have
+        the same rate. Under band noise they have not: its frequencies are drawn once for each block, and blocks in
+        greater danger overturn earlier.
 
     Raises
     ------

@@ -71,13 +71,13 @@ class Tally(Saved, Sample):
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:
-        """Edges of the bins in pictures and tables: angles and velocities, nondimensional."""
+        """Edges of the bins in pictures and tables: angles (n + 1,) and velocities (m + 1,), nondimensional."""
         usual, counted = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, counted, strict=True)) else counted
 
     @property
     def returns(self) -> Array:
-        """Paths followed on from overturning, and those of them that came back, (2,): as of `Ensemble`."""
+        """How many paths that overturned were followed on to the fall, and how many of these came back: ints, (2,)."""
         return self.counts.returns
 
     @functools.cached_property
@@ -87,7 +87,10 @@ class Tally(Saved, Sample):
 
     @property
     def first_overturning(self) -> tuple[float, float, int] | None:
-        """Ends of the 20th of a cycle in which the first realization overturned, and the side; None if it stands."""
+        """(begin, end, side): times τ between which the first block overturned, -1 or 1; None if all stand.
+
+        They are the ends of a 20th of the time between two rows.
+        """
         rows, sides = np.nonzero(self.counts.passages)
         if not rows.size:
             return None
@@ -126,13 +129,14 @@ class Tally(Saved, Sample):
 
     @functools.cached_property
     def _moments(self):
-        """Mean and covariance, see `mean` and `covariance`."""
+        """Mean (cycles + 1, 2) and covariance (cycles + 1, 2, 2), a pair; see `mean` and `covariance`."""
         return moments(self.counts)
 
     def _binned(self, row, edges):
-        """Shares of the realizations that stand in each bin (angle bins, velocity bins) at a row, a time's number.
+        """Return the shares of all realizations that stand in each bin at a `row`, shape (angle bins, velocity bins).
 
-        `edges` are a pair of arrays, bin edges in angle and velocity, and have to be counted ones.
+        `row` (int) is the number of a time; `edges` are a pair of arrays, bin edges in angle and velocity, which have
+        to be among the counted ones, else ValueError.
         """
         histogram = self.counts.histogram[row]
         angles = _edge_numbers("angle_edges", edges[0], self.counts.angle_edges)
@@ -143,7 +147,7 @@ class Tally(Saved, Sample):
 
 
 def _edge_numbers(name, edges, counted):
-    """Return the numbers (n,) that `edges` (n,) have among the counted ones (m,).
+    """Return the indices (n,) of int that bin edges `edges` (n,) have among the `counted` ones (m,).
 
     ValueError for an edge that is not among them; `name` is that of the parameter, for the message.
     """
@@ -239,7 +243,7 @@ def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
 
 
 def _rows_text(run):
-    """Return how many cycles or times a `Run` or a `Tally` has, as a text."""
+    """Return a text, "cycles 4" or "21 times up to 30", of a `Run` or a `Tally`."""
     if run.scene.period is None:
         return f"{len(run.times) - 1} times up to {run.times[-1]:g}"
     return f"cycles {len(run.times) - 1}"

@@ -25,13 +25,16 @@ _four_polynomials = scratch(4, TERMS)
 
 @kernel(inline="always")
 def _slender_displaced(x, v, side, time, displacement, segment, block):  # noqa: ARG001
-    """Return the state (x, v) of a slender block as it is; no other argument is used."""
+    """Return (x, v), the angle and velocity of a slender block, as they are; no other argument is used."""
     return x, v
 
 
 @kernel
 def _exact_displaced(x, v, side, time, displacement, segment, block):
-    """Return the state (x, v) of an exact block on a side, displaced at a `time` of a `Segment`; see `displaced`."""
+    """Return (x, v), angle and velocity of an exact block on `side`, ±1, displaced at a `time` of a `Segment`.
+
+    `displacement` is that of `displaced`, a square of a time; `block` is a `KernelBlock`. All are nondimensional.
+    """
     u, (force, slope) = side * x, value_and_slope(segment.force, time)
     excess = acceleration(u, side, force, block) - acceleration(0.0, side, force, block) - u
     gradient = acceleration_gradient(u, side, force, block) - 1.0
@@ -49,9 +52,11 @@ this at duration²/24.
 
 @kernel
 def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
-    """Write ends (g, h, n, 2) and flags (g, h, n) of the characteristics of cell (i, j), see `trace_cells`.
+    """Write `ends` (g, h, n, 2) and `flags` (g, h, n) of the paths of cell (i, j), see `trace_cells`.
 
-    `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the `Noise` in it.
+    They are angle and velocity at the end, and the side there or an `Exit`, for g, h Gauss points and n nodes of the
+    noise. `points`: `GaussPoints`; `segment`: the forcing over the step, a `Segment`; `block`: a `KernelBlock`;
+    `noise`: the `Noise` in it; `displacement`: as of `trace_cells`.
     """
     scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
     for p in range(len(x)):
@@ -64,9 +69,11 @@ def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
 
 @kernel
 def _displace_back(segment, block, duration, displacement, ends, flags):
-    """Replace the real ends (n, 2) of paths by states of the mesh, where `flags` (n,) are a side; see `displaced`.
+    """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1.
 
-    `segment` is the forcing over the step of a `duration`. What is past the cut-off then has overturned.
+    `displacement`, the squared time ≥ 0 that `trace_cells` has added, is taken off here, see `displaced`. `block`: a
+    `KernelBlock`. `segment` is the forcing over the step of a `duration`, a `Segment`. What is past the cut-off then
+    has overturned: its flag becomes an `Exit`. Rows with other flags stay.
     """
     for n in range(len(ends)):
         side = flags[n]
@@ -79,8 +86,9 @@ def _displace_back(segment, block, duration, displacement, ends, flags):
 def _trace_all(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
     """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
 
-    `cells` (m, 2) are their indices. `points`: `GaussPoints`; `segment`: the forcing over the step; `noise`: the
-    `Noise` in it.
+    `cells` (m, 2) are their indices, `ends` (m, g, h, n, 2) and `flags` (m, g, h, n) are written. `points`:
+    `GaussPoints`; `segment`: the forcing over the step, a `Segment`; `noise`: the `Noise` in it; the others as of
+    `trace_cells`.
     """
     cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
     for c in range(begin, end):
@@ -95,18 +103,21 @@ def trace_cells(cells, points, segment, block, noise, displacement=0.0):
     cells : ndarray, shape (m, 2)
         Angle and velocity index of each cell.
     points : GaussPoints
+        g points a cell in angle, h in velocity.
     segment : Segment
+        The forcing over the step.
     block : KernelBlock
     noise : Noise
+        With n nodes.
     displacement : float
-        Of states of the mesh from the real ones (`displaced`), at begin and end.
+        Of states of the mesh from the real ones (`displaced`), at begin and end; the square of a nondimensional time.
 
     Returns
     -------
     ends : ndarray, shape (m, g, h, n, 2)
         Angle and velocity at the end of the step.
-    flags : ndarray, shape (m, g, h, n)
-        The side there, or an `Exit`.
+    flags : ndarray of int, shape (m, g, h, n)
+        The side there, -1 or 1, or an `Exit`, below these.
     """
     shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)

@@ -55,10 +55,10 @@ from fpk_rocking.physics.motion.impact import covariance_through_impact, displac
 
 
 class Noise(NamedTuple):
-    """The noise of a step: its duration and diffusion, and the Gauss-Hermite nodes that represent it.
+    """The noise of a step: its duration and diffusion, and the Gauss-Hermite nodes that represent it; nondimensional.
 
-    `nodes`, `offsets` (n, 2): along the long and the short axis in standard deviations, and as offsets of an
-    undisturbed flight. `margin`: largest offset in angle.
+    `nodes`, `offsets` (n, 2): along the long and the short axis in standard deviations, and as offsets in angle and
+    velocity of an undisturbed flight. `margin`: largest offset in angle.
     """
 
     duration: float
@@ -70,9 +70,9 @@ class Noise(NamedTuple):
 
 @kernel
 def principal_axes(xx, xv, vv):
-    """Principal axes of a covariance, as long (x, v), short (x, v): four numbers.
+    """Return (long x, long v, short x, short v): the principal axes of a covariance of angle and velocity.
 
-    `xx`, `xv`, `vv` are that of angle and velocity. Each axis has the length of its standard deviation.
+    `xx`, `xv`, `vv` are the covariance. Each axis has the length of its standard deviation.
     """
     mean, difference = 0.5 * (xx + vv), 0.5 * (xx - vv)
     radius = math.hypot(difference, xv)
@@ -86,10 +86,10 @@ def principal_axes(xx, xv, vv):
 
 @kernel
 def add_path_correction(particular, duration, dx, dv, out):
-    """Write to `out` (TERMS,) a particular solution plus the cubic from rest to (dx, dv).
+    """Write to `out` (TERMS,) the coefficients of P plus the cubic of time from rest to (dx, dv).
 
-    `particular` (TERMS,) is P in the time since the path's begin, and `duration` that after which the cubic adds the
-    angle dx and the velocity dv.
+    `particular` (TERMS,) are those of P in the time since the path's begin, lowest power first, and `duration` is that
+    after which the cubic adds the angle dx and the velocity dv; nondimensional.
     """
     for k in range(TERMS):
         out[k] = particular[k]
@@ -99,19 +99,21 @@ def add_path_correction(particular, duration, dx, dv, out):
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, segment, end, slow, block):
-    """Return angle, velocity, side and time of the end of a path of a slender block, see `_advance`.
+    """Return (x, v, side, time) of the end of a path of a slender block, through impacts and rest.
 
-    The path begins at (x, v) at t = 0 of the `Segment` and goes to `end`; chatter of a time up to `slow` is summed.
+    The path begins at (x, v) on `side` (±1, 0 at rest) at t = 0 of the `Segment` and goes to `end`, or to where it
+    overturns; chatter of a time up to `slow` is summed. `block` is a `KernelBlock`; all are nondimensional.
     """
     return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
 @kernel
 def _advance_exact_block(x, v, side, segment, end, slow, block):
-    """Return angle, velocity, side and time of the end of a path of an exact block, see `_advance`.
+    """Return (x, v, side, time) of the end of a path of an exact block, through impacts and rest.
 
-    The path begins at (x, v) at t = 0 of the `Segment` and goes to `end`; chatter of a time up to `slow` is summed. It
-    is followed by collocation where it cannot overturn.
+    The path begins at (x, v) on `side` (±1, 0 at rest) at t = 0 of the `Segment` and goes to `end`, or to where it
+    overturns; chatter of a time up to `slow` is summed. It is followed by collocation where it cannot overturn. `block`
+    is a `KernelBlock`; all are nondimensional.
     """
     low, high = segment.force_low, segment.force_high
     # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
@@ -126,10 +128,10 @@ def _advance_exact_block(x, v, side, segment, end, slow, block):
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, segment, end, slow, block):
-    """Call `_advance_exact_block`, which is too long to be inlined itself, with the same arguments.
+    """Return (x, v, side, time) of the end of a path, by `_advance_exact_block`, which is too long to be inlined.
 
-    It returns angle, velocity, side and time at the `end` of the path from (x, v) at t = 0 of the `Segment`. Chatter of
-    a time up to `slow` is summed.
+    The path begins at (x, v) on `side` (±1, 0 at rest) at t = 0 of the `Segment` and goes to `end`, or to where it
+    overturns. Chatter of a time up to `slow` is summed. `block` is a `KernelBlock`.
     """
     return _advance_exact_block(x, v, side, segment, end, slow, block)
 
@@ -145,16 +147,17 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
     Parameters
     ----------
     x, v, side : float, float, int
-        The point.
+        Angle, velocity and side (±1) of the point, nondimensional.
     segment : Segment
         The forcing over the step.
     block : KernelBlock
     noise : Noise
+        With n nodes.
     scratch : ndarray, shape (4, TERMS)
         Overwritten.
     ends : ndarray, shape (n, 2)
         Receives angle and velocity at the end.
-    flags : ndarray, shape (n,)
+    flags : ndarray of int, shape (n,)
         Receives the side at the end, or the `Exit` of a path that overturned, or that rests without noise (D = 0).
     """
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
@@ -190,11 +193,11 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
 
 @kernel
 def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Write the ends of the nodes of a point (x, v) of a block of equal sides, see `_near_contact`.
+    """Write the ends of the nodes of a point (x, v) of a block of equal sides, next to x = 0 or the cut-off.
 
-    `undisturbed` is the angle and the time of the end of the path without noise, and its side. `segment` is the forcing
-    over the step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written, `scratch` (4, TERMS) is
-    overwritten.
+    `undisturbed` is (angle, time, side): angle and time of the end of the path without noise, and its side at the
+    begin. `segment` is the forcing over the step, `noise` the `Noise` in it, `block` a `KernelBlock`; `ends` (n, 2),
+    angle and velocity, and `flags` (n,), side or `Exit`, are written, `scratch` (4, TERMS) is overwritten.
     """
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
@@ -213,7 +216,7 @@ def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, end
 
 @kernel
 def _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Write the ends of the nodes of a point (x, v) of a block of unequal sides, see `_near_contact`.
+    """Write the ends of the nodes of a point (x, v) of a block of unequal sides to `ends` (n, 2) and `flags` (n,).
 
     Arguments are those of `_near_contact_of_equal_sides`. No slender block has two units: each node is a path of the
     block itself with the noise in its forcing.
@@ -228,13 +231,13 @@ def _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, e
 
 @kernel(inline="always")
 def _call_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Call `_near_contact_of_equal_sides`, which is too long to be inlined itself, with the same arguments."""
+    """Call `_near_contact_of_equal_sides`, which is too long to be inlined itself; it writes `ends` and `flags`."""
     _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block)
 
 
 @kernel(inline="always")
 def _call_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Call `_near_contact_of_unequal_sides`, which is too long to be inlined itself, with the same arguments."""
+    """Call `_near_contact_of_unequal_sides`, which is too long to be inlined itself; it writes `ends` and `flags`."""
     _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block)
 
 
@@ -244,19 +247,20 @@ _near_contact = dispatch_on_sides(_call_equal_sides, _call_unequal_sides)
 
 @kernel(inline="always")
 def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
-    """Return unit 1, block and particular solution (TERMS,) of a slender block: its own.
+    """Return (unit, block, particular) of a slender block: 1.0, `block` itself, and the coefficients (TERMS,) of its P.
 
-    The solution is that of the `Segment`; other arguments are for exact blocks, and are not used.
+    They are those of the `Segment`; other arguments are for exact blocks, and are not used.
     """
     return 1.0, block, segment.particular
 
 
 @kernel(inline="always")
 def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block):
-    """Return unit, slender block and particular solution for an exact block, see `_contact_equivalent`.
+    """Return (unit, block, particular): a slender block, a `KernelBlock`, that moves as an exact one next to x = 0.
 
-    The path without noise goes from angle x at t = 0 to angle `end` at a `time`; `duration` is that of the step. The
-    particular solution is written to `out` (TERMS,). `segment` is the forcing over the step.
+    `unit` is that of its angle and velocity, sin α/α, and `particular`, which is `out` (TERMS,), has the coefficients
+    of its particular solution. The path without noise goes from angle x at t = 0 to angle `end` at a `time`; `duration`
+    is that of the step. `segment` is the forcing over the step, `side` the side, ±1; see `_contact_equivalent`.
     """
     alpha = block.critical_angle
     unit, level = math.sin(alpha) / alpha, lift_off_level(side, block)
@@ -280,9 +284,10 @@ without noise, from its begin to its `end` at a `time`.
 
 @kernel(inline="always")
 def _excess_acceleration(x, side, force, unit, block):
-    """Acceleration of an exact block at angle x less that of its slender equivalent next to x = 0.
+    """Return the acceleration of an exact block at angle x less that of its slender equivalent next to x = 0, a float.
 
-    `force` is f at that time; `unit`, sin α/α, that of the angle of the slender block.
+    `side` is ±1, `force` is f at that time, `block` a `KernelBlock`; `unit`, sin α/α, that of the angle of the slender
+    block. All are nondimensional.
     """
     return side * acceleration(side * x, side, force, block) - (
         x - side * unit + force * math.cos(block.critical_angle)
@@ -294,8 +299,9 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
     """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the begin and at the end.
 
     A kick is a node times `half`, sqrt(D duration), and the flight between is without noise. The last kick sets a block
-    off from rest unless it `rests`. Nodes of the same first kick follow each other. `segment` is the forcing over the
-    step, `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written.
+    off from rest unless it `rests`, a bool. Nodes of the same first kick follow each other. `side` is ±1, `segment` is
+    the forcing over the step, `noise` the `Noise` in it; `ends` (n, 2), angle and velocity, and `flags` (n,), side or
+    `Exit`, are written.
     """
     nodes, duration = noise.nodes, noise.duration
     xn, vn, sn, part = x, v, side, force_factor(side * x, side, block)
@@ -314,15 +320,15 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
 
 @kernel
 def _overturned(side):
-    """Return the `Exit`, an integer code, of a path that overturns to a side, -1 or 1."""
+    """Return the `Exit`, -2 or -3, of a path that overturns to a side, -1 or 1."""
     return Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT
 
 
 @kernel
 def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
-    """Write end (n, 2) and flag (n,) of node n by the path's angle, velocity and side at the end.
+    """Write row n of `ends` (nodes, 2), angle and velocity at a path's end, and of `flags` (nodes,), side or `Exit`.
 
-    `if_rest` is the flag where the side is 0; `cutoff` the angle of overturning.
+    `x`, `v`, `side` are those at the end; `if_rest` is the flag where the side is 0; `cutoff` the angle of overturning.
     """
     ends[n, 0], ends[n, 1] = x, v
     flags[n] = if_rest if side == 0 else side
@@ -334,9 +340,10 @@ def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
 def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
     """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact.
 
-    `undisturbed` is the impact's time, velocity and side before it, and whether it is so fast that what noise changes
-    is smooth: then one expansion serves all nodes that arrive within the step. `segment` is the forcing over the step,
-    `noise` the `Noise` in it; `ends` (n, 2) and `flags` (n,) are written, `scratch` (4, TERMS) is overwritten.
+    `undisturbed` is (time, velocity, side, smooth): those of the impact, before it, and whether it is so fast that what
+    noise changes is smooth: then one expansion serves all nodes that arrive within the step. `segment` is the forcing
+    over the step, `noise` the `Noise` in it, `block` a `KernelBlock`; `ends` (n, 2), angle and velocity, and `flags`
+    (n,), side or `Exit`, are written, `scratch` (4, TERMS) is overwritten.
     """
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff

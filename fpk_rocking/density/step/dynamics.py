@@ -49,7 +49,10 @@ class Excess:
     shifts: np.ndarray
 
     def __call__(self, angles, sides):
-        """Return c (n, ...) half way through the step, at `angles` (n, ...) on `sides`, +1 or -1, (n, ...)."""
+        """Return the excess acceleration c (n, ...) half way through the step, at `angles` (n, ...), nondimensional.
+
+        `sides` (n, ...) are those of the angles, +1 or -1.
+        """
         alpha, saddles = self.block.critical_angle, self.block.saddles
         sine, cosine = (_of_sides(sides, [part(alpha * m) for m in saddles]) for part in (math.sin, math.cos))
         phi = tilt_angle(angles, alpha, _of_sides(sides, saddles))
@@ -57,7 +60,10 @@ class Excess:
         return _of_sides(sides, self.block.scales) * (turning - sides * (np.sin(phi) - sine) / alpha) - angles
 
     def force_factors(self, angles, sides):
-        """Return the factors of force and noise, κ cos φ (n, ...), at `angles` (n, ...) on `sides`, (n, ...)."""
+        """Return the factors κ cos φ (n, ...) of force and noise in the acceleration, at `angles` (n, ...).
+
+        `sides` (n, ...) are those of the angles, +1 or -1.
+        """
         saddles, scales = (_of_sides(sides, pair) for pair in (self.block.saddles, self.block.scales))
         return force_factors(angles, self.block.critical_angle, saddles, scales)
 
@@ -91,16 +97,16 @@ class Dynamics:
 
     @classmethod
     def of(cls, scene):
-        """Return the dynamics of a scene with white noise."""
+        """Return the `Dynamics` of a `Scene` with white noise: its forcing, D, block and envelope."""
         return cls(scene.forcing, scene.noise.diffusion, block_of_scene(scene), scene.noise.envelope)
 
     def later(self, time):
-        """Return the dynamics whose times count from a `time` on, nondimensional."""
+        """Return the `Dynamics` whose times count from a `time` on, nondimensional."""
         envelope = self.envelope and self.envelope.shifted(time)
         return dataclasses.replace(self, forcing=self.forcing.shifted(time), envelope=envelope)
 
     def averaged_over(self, start, duration):
-        """Return the dynamics with a constant diffusion, over a step from `start` of a `duration`.
+        """Return the `Dynamics` with a constant diffusion, over a step from `start` of a `duration`.
 
         It is the mean of D g² over the step, at least `least_intensity` of D.
         """
@@ -111,9 +117,9 @@ class Dynamics:
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
     def covariance(self, start, duration):
-        """Return the covariance xx, xv, vv that noise adds to a flight without impact over a step.
+        """Return (xx, xv, vv), the covariance of angle and velocity that noise adds to a slender flight over a step.
 
-        The step has a `start` and a `duration`, nondimensional times.
+        The step has a `start` and a `duration`, nondimensional times, and no impact.
         """
         if self.envelope is None:
             return flight_covariance(self.diffusion, duration)
@@ -124,19 +130,27 @@ class Dynamics:
         return tuple(float(part) for part in accumulated_covariance(weights, late))
 
     def segment(self, start, duration):
-        """Return the forcing over a step from `start` of a `duration` as a `Segment`, which the kernels take."""
+        """Return the forcing over a step from `start` of a `duration`, the named tuple `Segment` that kernels take.
+
+        It has coefficients (TERMS,) of P and f in the time since the start, and bounds of f.
+        """
         return segment_from_particular(self.forcing.particular_over(start, duration), np.empty(TERMS), duration)
 
     def affine(self, start, duration):
         """Return the flights of both sides, without noise and events, over a `duration` from `start`: `AffineFlights`.
 
-        Of an exact block it is that whose acceleration is right at zero angle; `FreeFlight` adds the rest.
+        They are a named tuple of cosh and sinh of the duration, and shifts (3, 2) by side. Of an exact block it is that
+        whose acceleration is right at zero angle; `FreeFlight` adds the rest.
         """
         particular = (value for time in (start, start + duration) for value in self.forcing.particular(time))
         return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
-        """Return the `Excess` of an exact block over a step from `start` of a `duration`; None of a slender one."""
+        """Return the `Excess` of an exact block over a step, a callable of angles and sides; None of a slender block.
+
+        It is what the acceleration has beyond that of affine flights. The step is from `start` on, of a `duration`,
+        nondimensional.
+        """
         if self.block.critical_angle is None:
             return None
         shifts = self.affine(start, 0.5 * duration).shifts[:, 0]
@@ -144,29 +158,32 @@ class Dynamics:
 
     @property
     def largest_factor(self):
-        """Bound of the factor by which noise moves the block, at least 1."""
+        """Bound of the factor by which noise moves the block, a float, at least 1."""
         return max(1.0, *self.block.scales)
 
     @property
     def lift_off(self):
-        """Largest |f| under which a block at rest stays: that of the side that falls more easily."""
+        """Largest |f|, nondimensional, under which a block at rest stays: that of the side that falls more easily."""
         return min(self._lift_off_levels)
 
     @property
     def _lift_off_levels(self):
-        """Largest force to the left, and to the right, under which a block at rest stays."""
+        """Largest force to the left, and to the right, under which a block at rest stays: a list, nondimensional."""
         alpha = self.block.critical_angle or 0.0
         return [saddle * lift_off(alpha * saddle) for saddle in self.block.saddles]
 
     def rest_gap(self, time):
-        """How far the force at a `time` is below lift-off to either side; below 0 where it lifts a block off."""
+        """Return how far, a float, the force at a `time` is below lift-off to either side; below 0 where it lifts off.
+
+        All are nondimensional.
+        """
         (left, right), force = self._lift_off_levels, self.forcing.value(time)
         return min(right - force, left + force)
 
     def since_lift_off(self, time):
-        """Time since the force last rose through the level of lift-off of a side, and its slope; nondimensional.
+        """Return (elapsed, slope): time since |f| last rose through a side's level of lift-off, and d|f|/dτ there.
 
-        The slope is that of |f| there; (inf, 0) if the force never did so before `time`.
+        Both are nondimensional, as seen at `time`; (inf, 0) if the force never did so before.
         """
         left, right = self._lift_off_levels
         if left == right:
@@ -174,7 +191,10 @@ class Dynamics:
         return min(self._since_level(time, left, -1), self._since_level(time, right, 1))
 
     def _since_level(self, time, level, side=None):
-        """Time since |f|, on a `side` if that is given, last rose through a `level`; see `since_lift_off`."""
+        """Return (elapsed, slope): time since |f| last rose through a `level`, and d|f|/dτ there; (inf, 0) if never.
+
+        It is |f| on `side`, ±1, or on both for None; see `since_lift_off`. All are nondimensional.
+        """
         force, earlier = _forcing_in_units_of(self.forcing, level), 0.0
         while earlier <= time:
             since, slope = force.since_lift_off(time - earlier)
@@ -187,7 +207,7 @@ class Dynamics:
 
 @functools.lru_cache(maxsize=8)
 def _forcing_in_units_of(forcing, level):
-    """Return a `Force` divided by a `level` of lift-off, the same object each time: it remembers its lift-offs."""
+    """Return a `Force`, `forcing` over a `level` of lift-off, the same object each time: it keeps its lift-offs."""
     return forcing.in_units_of(level)
 
 
@@ -209,7 +229,7 @@ class GaussPoints(NamedTuple):
 
 @kernel
 def points_of_cell(i, j, points):
-    """Side of cell (i, j), and angles (g,) and velocities (h,) of its Gauss points.
+    """Return (side, angles, velocities) of cell (i, j): ±1, and the places (g,) and (h,) of its Gauss points.
 
     `points` are the `GaussPoints` of the mesh.
     """
@@ -223,9 +243,10 @@ def points_of_cell(i, j, points):
 def is_event_free(low, high, slow, fast, side, segment, duration, block, margins):
     """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return.
 
-    In folded coordinates the cell is [low, high] in angle and [slow, fast] in velocity; `margins` are what noise adds
-    to both. A path that passes the cut-off with a velocity that stays positive is beyond it at the end. `segment` is
-    the forcing over the step, of which bounds enter.
+    In folded coordinates s x, s v the cell is [low, high] in angle and [slow, fast] in velocity, on the side s, `side`;
+    `margins` (2) are what noise adds to both. A path that passes the cut-off with a velocity that stays positive is
+    beyond it at the end. `segment` is the forcing over the step, a `Segment`, of which bounds enter; `block` is a
+    `KernelBlock`.
     """
     fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
@@ -239,10 +260,10 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
 
 @kernel
 def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
-    """Mark the cells that an event can reach within a step: (angle cells, velocity cells) of bool.
+    """Return a mask (angle cells, velocity cells) of the cells that an event can reach within a step.
 
-    `margins` are what noise adds to angle and velocity within its `duration`, whose forcing is the `Segment`.
-    `angle_lines`, `velocity_lines` are those of the mesh.
+    `margins` (2) are what noise adds to angle and velocity within its `duration`, whose forcing is the `Segment`.
+    `angle_lines`, `velocity_lines` are those of the mesh, `block` is a `KernelBlock`.
     """
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):

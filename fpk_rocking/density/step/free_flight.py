@@ -122,7 +122,7 @@ class FreeFlight:
 
     @property
     def nbytes(self):
-        """Memory of the prepared remaps, one that was given left out; bytes."""
+        """Bytes, an int, of the prepared remaps, one that was given left out."""
         own = (self.velocity_remap, self.diffusion_remap, *(() if self._shared else (self.angle_remap,)))
         return sum(part.nbytes for remap in own for part in remap)
 
@@ -179,12 +179,15 @@ class FreeFlight:
         )
 
     def _run_on_rows(self, shear, rows, *arguments):
-        """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads."""
+        """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads.
+
+        The kernel is called as ``shear(begin, stop, rows, *arguments)`` and writes to its arguments; None is returned.
+        """
         run_in_parts(shear, len(rows.order), rows, *arguments, seconds=self._shear_seconds)
 
 
 def angle_remap_of(space, affine, diffusion, duration):
-    """Return the `Remap` of both shears of the angle for all cells of a `Space`.
+    """Return the `Remap`, a named tuple of matrices, of both shears of the angle for all cells of a `Space`.
 
     It serves all flights of a `duration` that differ from `affine`, `AffineFlights`, in a constant force alone: that
     moves the velocity between the two shears of the angle, and neither of these. `diffusion` is D.
@@ -194,11 +197,12 @@ def angle_remap_of(space, affine, diffusion, duration):
 
 
 def _angle_shears(space, affine, diffusion, duration, laws=SLENDER_CONTACT):
-    """Return what `prepare_remap` needs for a shear of the angle, for all cells of a `Space`.
+    """Return (bounds, shifts, drift, spread, nodes, weights), what `prepare_remap` needs for a shear of the angle.
 
-    Bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the forcing's part of these by side (a dict), how
-    far the lines are diffused per node (rows, lines), nodes (n,) of the diffusion and their weights. `affine`:
-    `AffineFlights`; `diffusion`: D; `duration` of the step; `laws`: a `ContactLaw` by side.
+    They are for all cells of a `Space`: bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the
+    forcing's part of these by side (a dict), how far the lines are diffused per node (rows, lines), nodes (n,) of the
+    diffusion and their weights (n,). `affine`: `AffineFlights`; `diffusion`: D; `duration` of the step; `laws`: a
+    `ContactLaw` by side.
     """
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
@@ -219,9 +223,9 @@ def _line_points(lines, points):
 
 
 def rows_along_angle(cells, middle):
-    """Return a mask of cells (angle, velocity) by rows along the angle, (2 velocity cells, angle cells).
+    """Return a mask (2 velocity cells, angle cells), one row a side and velocity cell, from a mask (angle, velocity).
 
-    Those of x < 0 come first: `middle` is the first angle cell with x > 0.
+    `cells` is that mask. The rows of x < 0 come first; `middle` is the first angle cell with x > 0.
     """
     rows = np.concatenate([cells.T, cells.T])
     rows[: cells.shape[1], middle:] = False
@@ -230,7 +234,10 @@ def rows_along_angle(cells, middle):
 
 
 def join_sides(rows):
-    """Return a mask (velocity cells, angle cells) from one by rows along the angle, see `rows_along_angle`."""
+    """Return a mask (velocity cells, angle cells) from one by rows along the angle, (2 velocity cells, angle cells).
+
+    It is the inverse of `rows_along_angle`, but for the order of the axes.
+    """
     left, right = np.split(rows, 2)
     return left | right
 
@@ -255,6 +262,9 @@ def union(first, second):
 
 
 def balanced_order(ranges):
-    """Return the rows whose range (rows, 2) is not empty, in an order of which equal parts take about equal time."""
+    """Return the indices of the rows whose range (rows, 2) is not empty, in a balanced order, (n,).
+
+    Equal parts of it take about equal time.
+    """
     rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
     return np.concatenate([rows[::2], rows[1::2]])

@@ -19,6 +19,8 @@ from fpk_rocking.density.tuning import TUNING
 class Remap(NamedTuple):
     """Matrices of a remap; the index of a target cell c in row r is ``origin[r] + c``, one line may serve all.
 
+    A row is one of cells along an axis, a line one of its Gauss points across. Values are those at Gauss points.
+
     Parameters
     ----------
     origin : ndarray of int, shape (rows,)
@@ -43,12 +45,12 @@ class Remap(NamedTuple):
 
 
 def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):
-    """Return the remap of rows whose lines shift and are diffused by Gauss-Hermite nodes, by exact integration.
+    """Return the `Remap` of rows of cells whose lines shift and are diffused by Gauss-Hermite nodes, exactly.
 
     Parameters
     ----------
     lines : ndarray, shape (cells + 1,)
-        Mesh lines that cut each line.
+        Mesh lines that cut each line, nondimensional angles or velocities; lines go through Gauss points across.
     bounds : ndarray of int, shape (rows, 2)
         First cell and the one after the last that a row runs through.
     shifts : ndarray, shape (rows, lines)
@@ -88,7 +90,7 @@ def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source
 
 @kernel
 def cells_in_interval(lines, bounds, low, high):
-    """Return the first and the last cell that overlap an interval [low, high], of a row.
+    """Return (first, last): indices of the first and the last cell of a row that overlap an interval [low, high].
 
     `lines` (cells + 1,) are the mesh lines, `bounds` (2,) the row's first cell and the one after the last.
     """
@@ -118,7 +120,7 @@ def target_range(lines, bounds, shifts, spreads, nodes, source):
 
 @kernel
 def source_cells(lines, shifts, spreads, nodes, source, target, origin):
-    """Return the first source cell and the number of source cells, (target cells, lines), of every target cell.
+    """Return (first, count), ints (target cells, lines): first source cell of every target cell, and their number.
 
     `lines` (cells + 1,) are mesh lines, `source` and `target` (rows, 2) ranges of cells, `shifts` and `spreads` (rows,
     lines) how far lines move and are diffused per node, `nodes` (n,) ascending those of the diffusion, and `origin`
@@ -139,10 +141,10 @@ def source_cells(lines, shifts, spreads, nodes, source, target, origin):
 
 @kernel
 def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
-    """Return `Remap.end_places`: numbers (rows, 2) of the ends that the source ranges pass, -1 for the others.
+    """Return `Remap.end_places`: numbers (rows, 2), from 0 by row, of the ends that sources pass, -1 for the others.
 
-    `lines` (cells + 1,) are mesh lines, `bounds` and `source` (rows, 2) ranges of cells of a row and of the active ones
-    in it, `shifts` and `spreads` (rows, lines) how far lines move and are diffused per node, `nodes` (n,) ascending.
+    `lines` (cells + 1,): mesh lines. `bounds`, `source` (rows, 2): half-open ranges of cells of a row, of its active
+    ones. `shifts`, `spreads` (rows, q): of its q Gauss points across, per unit of `nodes` (n,), ascending.
     """
     places = np.full((len(source), 2), -1, np.int64)
     number = 0
@@ -176,9 +178,9 @@ def add_integral(start, stop, left, right, weight, points, point_weights, out):
 def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, basis):
     """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions.
 
-    One is of the source cell [left, right], one of the target cell [low, high], whose argument is moved by `shift`.
-    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]. `basis`, a tuple (modes,), tells the compiler the
-    number of modes.
+    One, the row, is of the source cell [left, right], one of the target cell [low, high], its argument moved by
+    `shift`. `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]. `basis`: a tuple of length modes, for the
+    compiler.
     """
     here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
     for q in range(len(points)):
@@ -234,8 +236,7 @@ def fill_blocks(
 
     It does so for the rows from `begin` to `end`, with `lines` (cells + 1,), `bounds` and `source` (rows, 2) ranges of
     cells, `shifts` and `spreads` (rows, lines) as in `prepare_remap`, `nodes` and `weights` (n,) of the diffusion.
-    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]; `basis`, a tuple (modes,), tells the compiler the
-    number of modes.
+    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]; `basis`: a tuple of length modes, for the compiler.
     """
     lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap = borrowed(
         (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap)
@@ -249,7 +250,7 @@ def _block_to_point_values(b, moments, values, blocks, half, basis):
     """Turn block b of `blocks` (n, modes, modes) from moments to values at Gauss points, in place.
 
     `values` (points, modes) are the shape functions there, `moments` the same times the points' weights; `half` (modes,
-    modes) is overwritten. `basis`, a tuple (modes,), tells the compiler the number of modes.
+    modes) is overwritten. `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     for k in range(modes):
@@ -271,8 +272,8 @@ def blocks_to_point_values(begin, end, moments, values, blocks, basis):
     """Turn the blocks from `begin` to `end`, in place, from moments to values at Gauss points.
 
     `blocks` (n, modes, modes) before are matrices from moments to moments, after from values to values. `values`
-    (points, modes) are the shape functions at the points, `moments` the same times the points' weights. `basis`, a
-    tuple (modes,), tells the compiler the number of modes.
+    (points, modes) are the shape functions at the points, `moments` the same times the points' weights. `basis`: a
+    tuple of length modes, for the compiler.
     """
     moments, values, blocks = borrowed((moments, values, blocks))
     half = np.empty(values.shape)
@@ -287,8 +288,8 @@ _line_sums = scratch(1, MOST_MODES)
 def remap_row(r, values, source, target, remap, moved, basis):
     """Write to `moved` the values (cells, lines, modes) of the target cells of row r by `values` of its source cells.
 
-    `source`, `target`: first cell of each and the one after the last; `remap`: a `Remap`. `basis`, a tuple (modes,),
-    tells the compiler the number of modes.
+    `values` has the same shape. `source`, `target`: first cell of each and the one after the last; `remap`: a `Remap`.
+    `basis`: a tuple of length modes, for the compiler.
     """
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
@@ -316,7 +317,7 @@ def adjoint_remap_row(r, values, source, target, remap, moved, basis):
     """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r.
 
     It is the adjoint of `remap_row`. `source`, `target`: first cell of each and the one after the last; `remap`: a
-    `Remap`. `basis`, a tuple (modes,), tells the compiler the number of modes.
+    `Remap`. `basis`: a tuple of length modes, for the compiler.
     """
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
@@ -338,10 +339,10 @@ def adjoint_remap_row(r, values, source, target, remap, moved, basis):
 
 @kernel(fastmath=FASTMATH)
 def mass_past_end(r, end, values, source, remap, masses):
-    """Write masses (lines,) of row r that pass an end, per size of their cells across; return whether any does.
+    """Write `masses` (lines,) of row r that pass an end, per size of their cells across; return whether any does.
 
-    `end`: 0 or 1 for the lower or the upper one; `values` (cells, lines, modes); `source`: first active cell and the
-    one after the last; `remap`: a `Remap`.
+    `end`: 0 or 1 for the lower or the upper one; `values` (cells, lines, modes), those at Gauss points; `source`: first
+    active cell and the one after the last; `remap`: a `Remap`.
     """
     place = remap.end_places[min(r, len(remap.end_places) - 1), end]
     if place < 0:
@@ -376,10 +377,10 @@ def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
 
 @kernel(fastmath=FASTMATH)
 def clamp_to_end(end, masses, target, edges, sizes, moved):
-    """Add masses (lines,) that passed an end of a row to its last cell, at the end itself (boundary clamp).
+    """Add `masses` (lines,) that passed an end of a row to its last cell in `moved`, at that end (boundary clamp).
 
-    `end`: 0 or 1; `target`: the row's first cell and the one after the last; `edges` (2, modes): what a mass at an end
-    of a cell adds to its values; `sizes` (cells,); `moved` (cells, lines, modes) is added to.
+    `end`: 0 or 1 for the lower or the upper one; `target`: the row's first cell and the one after the last; `edges` (2,
+    modes): what a mass at an end of a cell adds to its values; `sizes` (cells,); `moved` (cells, lines, modes).
     """
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(masses)):
@@ -392,8 +393,7 @@ def adjoint_clamp_to_end(end, values, target, edges, sizes, end_values):
     """Write to `end_values` (lines,) those of a function at an end of a row, from `values` of its cells.
 
     It is the adjoint of `clamp_to_end`. `end`: 0 or 1; `values` (cells, lines, modes); `target`: the row's first cell
-    and the one after the last; `edges` (2, modes): what a mass at an end of a cell adds to its values; `sizes`
-    (cells,).
+    and the one after the last; `edges` (2, modes), `sizes` (cells,): as there.
     """
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(end_values)):

@@ -27,7 +27,11 @@ class SourceCells(NamedTuple):
 
 
 class AffinePaths(NamedTuple):
-    """Paths of cells without events: affine flights, and offsets (n, 2) and weights (n,) of the nodes of the noise."""
+    """Paths of cells without events: affine flights, and offsets (n, 2) and weights (n,) of the nodes of the noise.
+
+    The flights are the cosh and sinh of the duration and shifts (3, 2), by side, of angle and velocity, as are the
+    offsets.
+    """
 
     cosh: float
     sinh: float
@@ -40,7 +44,7 @@ class Chunks(NamedTuple):
     """Chunks of a scatter, each of which writes to a buffer of its own.
 
     `columns` (chunks, 4): source columns from, to; target columns from, to. `buffers` (chunks, target cells, modes²).
-    `absorbed` (chunks, 3 or 4): masses that took an `Exit`.
+    `absorbed` (chunks, 3 or 4): masses that took an `Exit`: left, right, truncated, at rest.
     """
 
     columns: np.ndarray
@@ -52,8 +56,8 @@ class Chunks(NamedTuple):
 def scatter_point(target, amount, xi, eta, basis):
     """Add a mass `amount` times the shape functions at a point to `target` (modes²,), unknowns of one cell.
 
-    `xi`, `eta` are its reference coordinates, -1 to 1, in angle and velocity; `basis`, a tuple (modes,), tells the
-    compiler the number of modes.
+    `xi`, `eta` are its reference coordinates, -1 to 1, in angle and velocity; `basis`: a tuple of length modes, for the
+    compiler.
     """
     modes = len(basis)
     along, across = legendre_at(xi), legendre_at(eta)
@@ -67,8 +71,8 @@ def scatter_point(target, amount, xi, eta, basis):
 def point_masses(cell, area, points, rows, values, basis):
     """Write to `values` (g, h) the masses of the Gauss points of a cell, by its coefficients `cell` (modes, modes).
 
-    `area` is the cell's, `points` are `GaussPoints`; `rows` (modes, h) is overwritten. `basis`, a tuple (modes,), tells
-    the compiler the number of modes.
+    `area` is the cell's, `points` are `GaussPoints`, g in angle and h in velocity; `rows` (modes, h) is overwritten.
+    `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
@@ -89,10 +93,9 @@ def point_masses(cell, area, points, rows, values, basis):
 
 @kernel
 def project_point_values(values, points, rows, out, basis):
-    """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) at its `GaussPoints`.
+    """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) of a function at its `GaussPoints`.
 
-    It is the L2 projection; `rows` (g, modes) is overwritten. `basis`, a tuple (modes,), tells the compiler the number
-    of modes.
+    It is the L2 projection; `rows` (g, modes) is overwritten. `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
@@ -115,9 +118,9 @@ def project_point_values(values, points, rows, out, basis):
 def scatter_affine_cell(values, paths, side, x, v, angle_search, velocity_search, buffer, absorbed, basis):
     """Add the point masses `values` (g, h) of a cell without events to `buffer` and `absorbed`.
 
-    `paths`: `AffinePaths`; x (g,) and v (h,) are the cell's Gauss points. The searches are the `CellSearch` of the
-    target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by `Exit`. `basis`, a
-    tuple (modes,), tells the compiler the number of modes.
+    `paths`: `AffinePaths`; `side`, ±1, is the cell's; x (g,) and v (h,) are its Gauss points. The searches are the
+    `CellSearch` of the target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by
+    `Exit`: left, right, truncated. `basis`: a tuple of length modes, for the compiler.
     """
     affine, offsets, node_weights = (paths.cosh, paths.sinh, paths.shifts[side]), paths.offsets, paths.weights
     for p in range(values.shape[0]):
@@ -214,9 +217,9 @@ def scatter(
 
 @kernel
 def sum_buffers(buffers, columns, areas, out):
-    """Write to `out`, coefficients in the target's shape, the sum of the chunks' buffers in their order.
+    """Write to `out`, coefficients (angle cells, velocity cells, modes, modes), the sum of the chunks' buffers.
 
-    It is divided by the cells' `areas`; `buffers` and `columns` are those of `Chunks`.
+    It is divided by the cells' `areas` (angle cells, velocity cells); `buffers` and `columns` are those of `Chunks`.
     """
     across, modes = out.shape[1], out.shape[2]
     out[:] = 0.0
@@ -246,10 +249,10 @@ def gather(begin, end, function, exit_values, points, numbers, targets, node_wei
     targets : Targets
     node_weights : ndarray, shape (n,)
         Of the nodes of the noise.
-    cells : ndarray, shape (m, 2)
-        Source cells whose coefficients are written.
+    cells : ndarray of int, shape (m, 2)
+        Source cells, by their indices, whose coefficients are written.
     out : ndarray, shape of the source's coefficients
-        Only `cells` are written.
+        Coefficients before the step; only `cells` are written.
     source_basis, basis : tuple, shape (modes,)
         As in `scatter`.
     """

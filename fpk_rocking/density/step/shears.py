@@ -37,7 +37,11 @@ class LineTables(NamedTuple):
 
 
 class AngleRows(NamedTuple):
-    """Rows of one shear of the angle: their order, and their ranges (rows, 2) of source and target cells."""
+    """Rows of one shear of the angle: their order, and their ranges (rows, 2) of source and target cells.
+
+    A row is that of the cells of one side and one velocity cell: row `side * velocity cells + velocity cell`, side 0 or
+    1. `order` (n,) has those that are not empty; a range is the first cell and one past the last.
+    """
 
     order: np.ndarray
     sources: np.ndarray
@@ -57,8 +61,8 @@ class VelocityRows(NamedTuple):
 def _write_row(t, moved, target, out, basis):
     """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction.
 
-    `target`: its first cell and the one after the last; `out` (cells, rows, modes, lines). `basis`, a tuple (modes,),
-    tells the compiler the number of modes.
+    Both are values at Gauss points. `target`: its first cell and the one after the last; `out` (cells, rows, modes,
+    lines). `basis`: a tuple of length modes, for the compiler.
     """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
@@ -68,10 +72,10 @@ def _write_row(t, moved, target, out, basis):
 
 @kernel
 def _read_row(t, values, target, out, basis):
-    """Read row t, `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`.
+    """Read row t to `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`.
 
-    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines). `basis`, a tuple
-    (modes,), tells the compiler the number of modes.
+    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines). `basis`: a tuple of
+    length modes, for the compiler.
     """
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
@@ -83,7 +87,7 @@ def _read_row(t, values, target, out, basis):
 def _transform(cell, table, out, basis):
     """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b].
 
-    All are (modes, modes); `basis`, a tuple (modes,), tells the compiler the number of modes.
+    `cell`, `table` and `out`, which is written, are (modes, modes); `basis`: a tuple of length modes, for the compiler.
     """
     modes = len(basis)
     for j in range(modes):
@@ -100,7 +104,7 @@ def _transform(cell, table, out, basis):
 
 @kernel
 def _integral_across(masses, weights, size):
-    """Return the mass that values `masses` (modes,) at the Gauss points across a cell of a `size` stand for.
+    """Return the mass, a float, that values `masses` (modes,) at the Gauss points across a cell of a `size` stand for.
 
     `weights` (modes,) are those of the points.
     """
@@ -114,9 +118,9 @@ def _integral_across(masses, weights, size):
 def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
     """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle.
 
-    `values`: before it; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. What passes the cut-off is added
-    to `overturned` (2, velocity cells), what passes x = 0 is clamped to it. `basis`, a tuple (modes,), tells the
-    compiler the number of modes.
+    `values` of the same shape: before it; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. What passes
+    the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it. `basis`: a tuple of
+    length modes, for the compiler.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, masses = r // across, r % across, np.zeros(len(basis))
@@ -131,11 +135,11 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
 
 @kernel
 def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved, basis):
-    """Add to `moved` the values of a function on row r before a shear of the angle.
+    """Add to `moved` the values (cells, lines, modes) of a function on row r before a shear of the angle.
 
     Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
     passed the cut-off to the left and to the right. `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
-    `basis` (modes,) tells the compiler the modes.
+    `basis`: a tuple of length modes, for the compiler.
     """
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
@@ -150,11 +154,11 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
 @kernel
 def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
-    """Write to `out` row r (side, velocity cell) after the first shear of the angle.
+    """Write to `out` the values of row r (side, velocity cell) after the first shear of the angle.
 
     `coefficients` (the space's shape) are those before it in the cells of the mask `free`. `out`: values (angle cells,
-    velocity cells, modes, modes); `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. Masses past the
-    cut-off are added to `overturned` (2, velocity cells). `basis` (modes,) tells the compiler the modes.
+    velocity cells, modes, modes) at Gauss points; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. Masses
+    past the cut-off are added to `overturned` (2, velocity cells). `basis`: a tuple of length modes, for the compiler.
     """
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
@@ -168,11 +172,12 @@ def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned
 
 @kernel
 def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out, overturned, basis):
-    """Write to `out` values (angle cells, velocity cells, angle, velocity) after the first shear.
+    """Write to `out` values (angle cells, velocity cells, modes, modes) at Gauss points after the first shear.
 
-    It does so for places `begin` to `stop` in the order of `AngleRows`, from `coefficients` (the space's shape) before
-    it in the cells of the mask `free`. Masses that passed the cut-off, which do not return, are added to `overturned`
-    (2, velocity cells). `remap`: `Remap`; `tables`: `LineTables`; `basis` (modes,) tells the compiler the modes.
+    The modes are points in angle, and in velocity. It does so for places `begin` to `stop` in the order of `AngleRows`,
+    from `coefficients` (the space's shape) before it in the cells of the mask `free`. Masses that passed the cut-off,
+    which do not return, are added to `overturned` (2, velocity cells). `remap`: `Remap`; `tables`: `LineTables`;
+    `basis`: a tuple of length modes, for the compiler.
     """
     rows, coefficients, free, remap, tables, out, overturned = borrowed(
         (rows, coefficients, free, remap, tables, out, overturned)
@@ -188,8 +193,8 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 
     Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `free` is the mask of the cells and
     `exit_values` (2,) are those of having passed the cut-off to the left and to the right. It does so for places
-    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the
-    compiler the modes.
+    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length
+    modes, for the compiler.
     """
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
@@ -211,8 +216,9 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
     """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass.
 
-    `values` (velocity cells, modes, modes) are those of the row before, `out` is that of `velocity_shear`. `rows`:
-    `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
+    `values` (velocity cells, modes, modes) are those of the row before, `out` (velocity cells, angle cells, modes,
+    modes) is that of `velocity_shear`. `rows`: `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`. `basis`: a
+    tuple of length modes, for the compiler.
     """
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
@@ -230,12 +236,12 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
 
 @kernel
 def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
-    """Write values after the shear and diffusion of the velocity to `out`, with the axes of the cells exchanged.
+    """Write values after shear and diffusion of the velocity to `out` (velocity cells, angle cells, modes, modes).
 
     It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values` (angle
     cells, velocity cells, modes, modes) are those of `first_angle_shear`; both remaps: `Remap`; `tables`: `LineTables`.
-    The masses that passed the velocity bound are written to `truncated` (angle cells,). `basis` (modes,) tells the
-    compiler the modes.
+    The masses that passed the velocity bound are written to `truncated` (angle cells,). `basis`: a tuple of length
+    modes, for the compiler.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
@@ -247,11 +253,12 @@ def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, t
 
 @kernel
 def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
-    """Write to `out` the values of a function before shear and diffusion of the velocity.
+    """Write to `out` (angle cells, velocity cells, modes, modes) a function before shear and diffusion of the velocity.
 
-    Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of `VelocityRows`: `values` (velocity cells,
-    angle cells, modes, modes) are those after, and `exit_value` is that of having passed the velocity bound. Both
-    remaps: `Remap`; `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
+    It is given by values at Gauss points. Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of
+    `VelocityRows`: `values` (velocity cells, angle cells, modes, modes) are those after, and `exit_value` is that of
+    having passed the velocity bound. Both remaps: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length modes,
+    for the compiler.
     """
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
@@ -277,7 +284,7 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
 
     `values` (velocity cells, angle cells, modes, modes) are those before it at Gauss points. `rows`: `AngleRows`;
     `remap`: `Remap`; `tables`: `LineTables`. Masses past the cut-off are added to `overturned` (2, velocity cells).
-    `basis` (modes,) tells the compiler the modes.
+    `basis`: a tuple of length modes, for the compiler.
     """
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
@@ -292,11 +299,11 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
 
 @kernel
 def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, basis):
-    """Add coefficients after the last shear to `out`; masses past the cut-off, to `overturned` (2, velocity cells).
+    """Add coefficients after the last shear to `out` (the space's shape), masses past the cut-off to `overturned`.
 
-    It does so for places `begin` to `stop` in the order of `AngleRows`; `values` (velocity cells, angle cells, modes,
-    modes) are those of `velocity_shear`. `remap`: `Remap`; `tables`: `LineTables`; `basis` (modes,) tells the compiler
-    the modes.
+    `overturned` is (2, velocity cells), left and right. It does so for places `begin` to `stop` in the order of
+    `AngleRows`; `values` (velocity cells, angle cells, modes, modes) are those of `velocity_shear`. `remap`: `Remap`;
+    `tables`: `LineTables`; `basis`: a tuple of length modes, for the compiler.
     """
     rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
     for n in range(begin, stop):
@@ -306,11 +313,11 @@ def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, 
 
 @kernel
 def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_values, out, basis):
-    """Write to `out` the values of a function before the last shear by coefficients after it.
+    """Write to `out` (velocity cells, angle cells, modes, modes) a function's values before the last shear.
 
-    Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` has the space's
-    shape, `exit_values` (2,) are those of having passed the cut-off to the left and to the right. `remap`: `Remap`;
-    `tables`: `LineTables`. `basis` (modes,) tells the compiler the modes.
+    Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` are the
+    coefficients after it, in the space's shape, `exit_values` (2,) are those of having passed the cut-off to the left
+    and to the right. `remap`: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length modes, for the compiler.
     """
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)

@@ -25,7 +25,7 @@ from fpk_rocking.density.tuning import TUNING
 
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """Quadrature of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of the noise.
+    """Numbers of nodes of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of noise.
 
     `diffusion` nodes are those of the velocity in free flight: 15 end at 6.4 standard deviations, 9 at 4.5.
     """
@@ -96,9 +96,11 @@ class Characteristics:
         self.ends, self.flags = self.activate(np.full_like(self.event_cells, cells))
 
     def activate(self, cells):
-        """Add cells to those that the step moves; return ends and flags of the paths traced for that.
+        """Add cells to those that the step moves; return (ends, flags) of the paths traced for that.
 
-        `cells` (angle cells, velocity cells) is a mask; for the ends and flags see `trace_cells`.
+        `cells` (angle cells, velocity cells) is a mask. For m new cells that an event can reach, of g, h Gauss points
+        each, and n nodes of the noise, ends (m, g, h, n, 2) are the angle and velocity, flags (m, g, h, n) the side or
+        `Exit`.
         """
         new = np.argwhere(self.event_cells & cells & ~self.active)
         self.active |= cells
@@ -138,18 +140,19 @@ class Step:
         self._extend(characteristics.ends.copy(), characteristics.flags)
 
     def activate(self, cells):
-        """Add cells to those whose mass the step moves, by a mask (angle cells, velocity cells)."""
+        """Add cells to those whose mass the step moves, by a mask (angle cells, velocity cells); return None."""
         self._extend(*self.characteristics.activate(cells))
 
     @property
     def nbytes(self):
-        """Memory of targets and own remaps; bytes. Buffers, characteristics and a shared angle remap are left out."""
+        """Bytes, an int, of targets and own remaps. Buffers, characteristics and a shared angle remap are left out."""
         return self._targets.nbytes + (self._flight.nbytes if self._flight else 0)
 
     def _extend(self, ends, flags):
         """Add the targets of traced paths, by `ends` and `flags` of `trace_cells`, and divide the active cells in two.
 
-        Free cells fly where source and target are one mesh, all others are scattered. The ends are overwritten.
+        Free cells fly where source and target are one mesh, all others are scattered. The ends are overwritten, the
+        object is changed, and nothing is returned.
         """
         paths, target = self.characteristics, self.target
         self._targets = self._targets.extended(ends, flags, target.cell_searches, target.first_positive)
@@ -167,10 +170,11 @@ class Step:
         self._columns = self._split()
 
     def apply(self, coefficients):
-        """Return the coefficients after the step and the masses (3,) that overturned left, right and were truncated.
+        """Return (coefficients, masses): the density after the step, and what overturned left, right and was truncated.
 
-        `coefficients` (``source.shape``) are those before it. Without diffusion there is a fourth mass: what came to
-        rest.
+        `coefficients` (``source.shape``) are those before it, those returned have ``target.shape``; both are (angle
+        cells, velocity cells, degree + 1, degree + 1). The masses are (3,), or without diffusion (4,): the fourth came
+        to rest.
         """
         paths, source = self.characteristics, self.characteristics.source
         cells = SourceCells(self._scattered, source.areas, paths.numbers)
@@ -199,7 +203,7 @@ class Step:
         values : ndarray, shape ``target.shape``
             Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
         exit_values : array_like, shape (3,)
-            Of having overturned to the left, to the right, and of truncation.
+            Values of having overturned to the left, to the right, and of truncation.
 
         Returns
         -------
@@ -211,7 +215,7 @@ class Step:
         ValueError
             The step ends on another mesh.
         """
-        if self.characteristics.to_other_mesh:
+        if self.target is not self.characteristics.source:
             raise ValueError(checks.refusal("target", self.target, "the mesh of the characteristics"))
         paths, exit_values = self.characteristics, np.asarray(exit_values, dtype=float)
         out = np.zeros(paths.source.shape)
@@ -226,7 +230,10 @@ class Step:
         return out
 
     def _split(self):
-        """Return the columns (chunks, 4) of the source that each chunk reads, and of the target that it writes."""
+        """Return an int array (chunks, 4): the source's columns, from and to, that each chunk reads, and the target's.
+
+        The latter are those that it writes. A column is an angle cell, and `to` is one past the last.
+        """
         paths, (limit, across, *_) = self.characteristics, self.target.shape
         load = np.cumsum(self._scattered.sum(axis=1) + 1e-9)
         edges = np.searchsorted(load, load[-1] * np.arange(1, TUNING.chunks) / TUNING.chunks)
@@ -245,13 +252,13 @@ class Step:
 
 
 def scatter_buffers(target: Space):
-    """Return the buffers (chunks, target cells, modes²) of the steps that end on a mesh, not initialized."""
+    """Return an array (chunks, target cells, modes²), not initialized: buffers of the steps that end on a mesh."""
     angle, velocity, modes, _ = target.shape
     return np.empty((TUNING.chunks, angle * velocity, modes * modes))
 
 
 def with_neighbours(cells):
-    """Return a mask of cells (angle, velocity) and their neighbours, from one of the cells.
+    """Return a mask (angle, velocity) of the cells of a mask of this shape, `cells`, and their neighbours.
 
     With these a growing density does not need new cells every time.
     """
@@ -264,9 +271,9 @@ def with_neighbours(cells):
 
 
 def overlapping_cells(space, cells, other):
-    """Return a mask of the cells of an `other` space that overlap those of a mask of a space.
+    """Return a mask (..., angle, velocity) of the cells of a mesh `other` that overlap those of a mask of `space`.
 
-    `cells` (..., angle, velocity) is the mask; the one returned has the same first axes. Both spaces are `Space`.
+    `cells` (..., angle, velocity) is the mask; the one returned has the same first axes. Both meshes are `Space`.
     """
     angle, velocity = (
         (theirs[:-1, None] < own[1:]) & (theirs[1:, None] > own[:-1])
@@ -277,10 +284,10 @@ def overlapping_cells(space, cells, other):
 
 @kernel
 def mark_massive_cells(coefficients, areas, negligible, active, marks):
-    """Add to a mask the cells with more than a negligible mass; return whether one of them is not active.
+    """Add to the mask `marks` the cells with more than a negligible mass; return whether one of them is not active.
 
-    `coefficients` (the space's shape), `areas`, `active` and `marks`, the mask, (angle cells, velocity cells);
-    `negligible` is a mass.
+    `coefficients` (angle cells, velocity cells, degree + 1, degree + 1) are those of a density; `areas`, `active` and
+    `marks` are (angle cells, velocity cells); `negligible` is a mass. The answer is a bool.
     """
     (limit, across, modes, _), beyond = coefficients.shape, False
     for i in range(limit):

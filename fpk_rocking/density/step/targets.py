@@ -56,26 +56,26 @@ class Targets(NamedTuple):
 
     @classmethod
     def empty(cls):
-        """Return the targets of no source cells."""
+        """Return the `Targets` of no source cells, with empty arrays."""
         none = np.zeros(1, np.int64)
         return cls(none, none, np.empty(0, np.int32), np.empty((0, WIDTH), np.int32), np.empty((0, WIDTH)), 0)
 
     @property
     def used(self):
-        """Numbers of groups and blocks, without spare ones."""
+        """Numbers (groups, blocks), without spare ones."""
         groups = int(self.groups[-1])
         return groups, int(self.blocks[groups])
 
     @property
     def nbytes(self):
-        """Memory without spare entries, bytes."""
+        """Bytes, an int, without spare entries."""
         groups, blocks = self.used
         return self.groups.nbytes + 12 * groups + 20 * WIDTH * blocks
 
     def columns(self, across, limit):
-        """First and last column of target cells, (m,) each, of every source cell; `limit` and -1 where all paths exit.
+        """Return (first, last), (m,) each: columns of target cells of every source cell.
 
-        The mesh has `limit` columns of `across` cells.
+        They are `limit` and -1 where all paths exit. The mesh has `limit` columns (angle cells) of `across` cells.
         """
         groups, _ = self.used
         columns, begins = self.cells[:groups] // across, self.groups[:-1]
@@ -88,8 +88,8 @@ class Targets(NamedTuple):
 
         Parameters
         ----------
-        ends, flags : ndarray
-            Of the paths of the further cells, see `cell_paths.trace_cells`; the ends are overwritten.
+        ends, flags : ndarray, shapes (m, g, h, n, 2), (m, g, h, n)
+            Of the paths of m further cells, see `cell_paths.trace_cells`; the ends are overwritten.
         searches : tuple of CellSearch
             Of the target mesh in angle and velocity.
         first_positive : int
@@ -125,7 +125,10 @@ class Targets(NamedTuple):
 
 
 def _with_spare(array, used, needed):
-    """Return an array whose first entries are the `used` (a number) ones of another, with room for `needed` or more."""
+    """Return an array with room for `needed` rows or more, whose first `used` (a number) rows are those of `array`.
+
+    It is `array` itself where that has room.
+    """
     if len(array) >= needed:
         return array
     larger = np.empty((int(TUNING.spare * needed), *array.shape[1:]), array.dtype)
@@ -135,9 +138,9 @@ def _with_spare(array, used, needed):
 
 @kernel(forceinline=True)
 def locate_point(search, point):
-    """Return the cell that holds a point and its reference coordinate on [-1, 1]; (TRUNCATED, 0) outside the mesh.
+    """Return (index, coordinate): the cell that holds a point, and its place there, -1 to 1; else (TRUNCATED, 0).
 
-    `search` is a `CellSearch`.
+    `search` is the `CellSearch` of the mesh lines along an axis, `point` a nondimensional angle or velocity.
     """
     lines, scales = search.lines, search.scales
     if not lines[0] <= point < lines[-1]:
@@ -150,10 +153,10 @@ def locate_point(search, point):
 
 @kernel(forceinline=True)
 def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
-    """Return the target cell of path n or its `Exit`; its end becomes the reference coordinates in the cell.
+    """Return the number of the target cell of path n, an int, or its `Exit`; change its end to coordinates in the cell.
 
-    `ends` (n, 2) and `flags` (n,) are those of `trace_point`; the searches are the `CellSearch` of the target mesh,
-    `first_positive` its first column with x > 0.
+    `ends` (n, 2) and `flags` (n,) are those of `trace_point`; row n of `ends` becomes reference coordinates, -1 to 1.
+    The searches are the `CellSearch` of the target mesh, `first_positive` its first column with x > 0.
     """
     x, v, flag = ends[n, 0], ends[n, 1], flags[n]
     if flag < -1:
@@ -170,7 +173,7 @@ def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
 
 @kernel
 def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_positive, slots, cells, sizes):
-    """Write to `cells` (m, n) the target cells of the paths of source cells `begin` to `end`.
+    """Write to `cells` (m, n) the target cells, or the `Exit`, of the paths of source cells `begin` to `end`.
 
     The paths' `ends` (m, n, 2) become reference coordinates, and `sizes` (m, 2) receives the numbers of groups and
     blocks. `flags` (m, n); the searches are the `CellSearch` of the target mesh; `slots` is the number of its cells and
@@ -199,8 +202,8 @@ def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, bl
     """Write the arrays of a `Targets` for further source cells `begin` to `end`, after `before` others.
 
     `cells` (m, n) and `coordinates` (m, n, 2) are those of each path's target, `ends` (m,) the ends of the source
-    cells' blocks, `slots` the number of target cells and exits. `groups`, `blocks`, `targets`, `paths` and `points` are
-    the arrays, in their order.
+    cells' blocks, `slots` the number of target cells and exits. `groups`, `blocks`, `targets` (its `cells`), `paths`
+    and `points` (its `coordinates`) are the arrays, in their order, with the shapes of `Targets`.
     """
     cells, coordinates, ends, groups, blocks, targets, paths, points = borrowed(
         (cells, coordinates, ends, groups, blocks, targets, paths, points)
@@ -229,9 +232,9 @@ def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, bl
 
 
 def _legendre(xi):
-    """Legendre polynomials 0 to 5 at xi in [-1, 1], orthonormal on the unit interval; a tuple of six.
+    """Return a tuple of Legendre polynomials 0 to 5 at `xi` in [-1, 1], orthonormal on the unit interval.
 
-    xi is a number, or eight in a SIMD vector.
+    `xi`, and each of them, is a number, or eight in a SIMD vector.
     """
     square = xi * xi
     p2 = 0.5 * math.sqrt(5.0) * (3.0 * square - 1.0)
@@ -247,9 +250,9 @@ _legendre_in_lanes = kernel(fastmath=FASTMATH, forceinline=True)(_legendre)
 
 @kernel(fastmath=FASTMATH, forceinline=True)
 def _store_polynomials(points, b, rows):
-    """Write to `rows` the Legendre polynomials 1 to 5 of the eight paths of block b.
+    """Write to `rows` (2 `MOST_MODES`, 8) the Legendre polynomials 1 to 5 of the eight paths of block b.
 
-    Those of the angle stand in rows 1 to 5, those of the velocity `MOST_MODES` further; `points` are
+    Those of the angle stand in rows 1 to 5, those of the velocity `MOST_MODES` further; `points` (2 blocks, 8) are
     `Targets.coordinates`.
     """
     for axis in range(2):
@@ -264,10 +267,10 @@ def _store_polynomials(points, b, rows):
 
 @kernel(fastmath=FASTMATH)
 def scatter_group(target, begin, end, points, masses, basis):
-    """Add masses (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell.
+    """Add `masses` (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell.
 
-    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates`. `basis`, a tuple (modes,), tells the
-    compiler the number of modes.
+    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2 blocks, 8). `basis`: a tuple of
+    length modes, for the compiler.
     """
     modes, sums, rows = len(basis), _sums(), _polynomials()
     for k in range(modes * modes):
@@ -287,10 +290,10 @@ def scatter_group(target, begin, end, points, masses, basis):
 
 @kernel(fastmath=FASTMATH)
 def gather_group(function, begin, end, points, values, basis):
-    """Write the values (blocks, 8) of a function, by its coefficients (modes²,) in a cell, at `Targets.coordinates`.
+    """Write to `values` (blocks, 8) a function, by its coefficients (modes²,) in a cell, at points of the cell.
 
-    The blocks are those from `begin` to `end` of these, `points`. `basis`, a tuple (modes,), tells the compiler the
-    number of modes.
+    `function` are the coefficients. The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2
+    blocks, 8). `basis`: a tuple of length modes, for the compiler.
     """
     modes, rows = len(basis), _polynomials()
     for b in range(begin, end):
@@ -308,11 +311,12 @@ def gather_group(function, begin, end, points, values, basis):
 
 @kernel
 def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ordered, basis):
-    """Add the point masses `values` (g, h) of source cell r, times the nodes' weights, to unknowns and absorbed masses.
+    """Add point masses of source cell r, times the weights of the noise's nodes, to `buffer` and `absorbed`.
 
-    `buffer` (target cells, modes²) holds the unknowns, `absorbed` the masses by `Exit`; `node_weights` (n,) are those
-    of the noise; `masses` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the
-    compiler the number of modes. `targets` are the `Targets`.
+    `values` (g, h) are the masses; `buffer` (target cells, modes²) holds the unknowns, `absorbed` (3 or 4,) the masses
+    by `Exit`: left, right, truncated, at rest; `node_weights` (n,) are those of the noise; `masses` (g h n + 1,) and
+    `ordered` (most, 8) are overwritten. `basis`: a tuple of length modes, for the compiler. `targets` are the
+    `Targets`.
     """
     n = 0
     for p in range(values.shape[0]):
@@ -339,8 +343,8 @@ def gather_cell(function, exit_values, node_weights, r, targets, values, path_va
     """Write to `values` (g, h) means over the nodes of a function at the paths' ends of source cell r.
 
     Adjoint of `scatter_cell`. `function` (target cells, modes²) are its coefficients, `exit_values` (3,) its values by
-    `Exit`; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`, a tuple (modes,), tells the
-    compiler the number of modes. `node_weights` (n,) are those of the noise, `targets` the `Targets`.
+    `Exit`: left, right, truncated; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`: a tuple
+    of length modes, for the compiler. `node_weights` (n,) are those of the noise, `targets` the `Targets`.
     """
     first, last = targets.groups[r], targets.groups[r + 1]
     base = targets.blocks[first]

@@ -69,7 +69,7 @@ class Drift(NamedTuple):
 
 
 def corners(interval: float) -> tuple[float, float]:
-    """Return the lowest and the highest corner of the high-pass filter, Hz, for samples at an interval, seconds."""
+    """Return (lowest, highest) corner of the high-pass filter, Hz, for samples at `interval`, seconds."""
     return 1.5 * _ORDER / (_MOST_PADDING * interval), 0.499 / interval
 
 
@@ -93,6 +93,7 @@ def corrected(samples: Array, interval: float, baseline: str, corner_hz: float =
     Returns
     -------
     ndarray, shape (n,)
+        In the unit of the samples.
     """
     if baseline == "none":
         return samples
@@ -111,9 +112,10 @@ def corrected(samples: Array, interval: float, baseline: str, corner_hz: float =
 
 
 def drift_of(samples: Array, after: Array, interval: float) -> Drift:
-    """Return the `Drift` of `samples` (n,), m/s², from them and those `after` a correction (n,).
+    """Return peak and end velocities, m/s, and accelerations, m/s², before and after a correction, as a `Drift`.
 
-    `interval` is the time between samples, seconds.
+    `samples` and `after` (n,) are the accelerations before and after it, m/s², and `interval` is the time between
+    samples, seconds.
     """
     speed, corrected_speed = _velocity(samples, interval), _velocity(after, interval)
     offset, slope, _ = _line(samples)
@@ -130,17 +132,18 @@ def drift_of(samples: Array, after: Array, interval: float) -> Drift:
 
 
 def _velocity(samples, interval):
-    """Return the velocity (n,) at the samples (n,) of accelerations that are linear between them, 0 at the first.
+    """Return the velocity (n,), m/s, at the samples (n,), m/s², of accelerations that are linear between them.
 
-    The samples are in m/s² and the interval is in seconds.
+    It is 0 at the first; `interval` is the time between samples, seconds.
     """
     return interval * np.concatenate([[0.0], np.cumsum(0.5 * (samples[1:] + samples[:-1]))])
 
 
 def _line(samples):
-    """Line of least squares through samples (n,), of any unit: its value at their middle, and its slope per sample.
+    """Return (middle, slope, steps) of the line of least squares through samples (n,), of any unit.
 
-    Third is returned where the samples are, (n,), counted in samples from the middle.
+    `middle` is its value at their middle, `slope` that per sample, and `steps` (n,) the places of the samples, counted
+    in samples from the middle.
     """
     steps = np.arange(len(samples)) - 0.5 * (len(samples) - 1)
     return float(samples.mean()), float(samples @ steps / (steps @ steps)), steps

@@ -31,9 +31,9 @@ _SPELLINGS = {
 
 
 class FileRecord(NamedTuple):
-    """Contents of a file: the interval, seconds, the samples (n,), their unit, and event, date and station.
+    """Contents of a file: the interval, seconds, the samples (n,), their unit, and a text with event, date and station.
 
-    The last two are empty where the file does not say them.
+    The unit is a key of `UNITS`. The last two are empty texts where the file does not say them.
     """
 
     interval: float
@@ -43,7 +43,7 @@ class FileRecord(NamedTuple):
 
 
 def unit_of(text: str) -> str | None:
-    """Return the unit in `UNITS` that a text, such as "cm/sec^2", means, or None."""
+    """Return the key of `UNITS`, "g", "m/s2" or "cm/s2", that a text, such as "cm/sec^2", means, or None."""
     return _SPELLINGS.get(text.strip().lower())
 
 
@@ -57,6 +57,7 @@ def read(path: pathlib.Path) -> FileRecord:
     Returns
     -------
     FileRecord
+        Named tuple of interval (seconds), samples (n,), their unit ("" if not said) and the event.
 
     Raises
     ------
@@ -87,7 +88,7 @@ _OBSPY = ' (pip install "fpk-rocking[obspy]")'
 
 
 def _traces(path):
-    """Read the list of traces in the file at a path by ObsPy; None where it cannot, or is missing."""
+    """Return the list of ObsPy's traces in the file at `path`; None where ObsPy cannot read it, or is missing."""
     try:
         import obspy
     except ImportError:
@@ -99,7 +100,10 @@ def _traces(path):
 
 
 def _trace(traces):
-    """Return the only one of ObsPy's traces as a `FileRecord`, in the unit of its numbers, which is not said."""
+    """Return the only one of ObsPy's traces, a list, as a `FileRecord`, or raise ValueError where there is not one.
+
+    Its samples are in the unit of the trace's numbers, which is not said: its `units` is "".
+    """
     if len(traces) != 1:
         raise ValueError(f"got {len(traces)} traces, accepted: one horizontal component without gaps")
     (trace,) = traces
@@ -113,7 +117,7 @@ def _trace(traces):
 
 
 def _data(path):
-    """Return the bytes of the file at a path, which has a size that a record can have."""
+    """Return the bytes of the file at `path`; OSError or ValueError if it is none, empty, or too large for a record."""
     try:
         size = path.stat().st_size
         # A device or a pipe may never end.
@@ -143,7 +147,10 @@ _VALUE = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?", re.IGNORECASE)
 
 
 def _peer(text):
-    """Read the text of a PEER file, four lines of header and samples in rows, as a `FileRecord`."""
+    """Return the contents of a PEER file as a `FileRecord` (interval in seconds, samples, their unit, event).
+
+    `text` is all of the file: four lines of header, and samples in rows.
+    """
     lines = text.splitlines()
     if len(lines) < 5:
         raise ValueError(f"got {len(lines)} lines, accepted: four of header and the samples")
@@ -169,7 +176,7 @@ def _peer(text):
 
 
 def _refuse_vertical(where, component):
-    """Raise ValueError for a `component`, a text in a header, that is the vertical one; `where` says the place of it.
+    """Raise ValueError for a `component`, a text in a header, that is the vertical one; `where`, a text, is its place.
 
     Archives hand out three components of each motion, and no plot of one tells which it is.
     """
@@ -181,23 +188,23 @@ def _refuse_vertical(where, component):
 
 
 def _printable(text):
-    """Return a text, a line of a header, in one line and without what a terminal or a page could not show."""
+    """Return a line of text, at most 200 characters, without what a terminal or a page could not show."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:200]
 
 
 def _parted(words, count):
-    """Return a list of words, with numbers that run together parted if that gives the stated count (int).
+    """Return a list of words, texts, with numbers that run together parted if that gives the stated `count` of them.
 
-    Numbers that fill their columns have no blank between them.
+    Else it is `words` as it is. Numbers that fill their columns have no blank between them.
     """
     parts = [part for word in words for part in (_VALUE.findall(word) if len(word) > 1 else [word])]
     return parts if len(words) != count == len(parts) and "".join(parts) == "".join(words) else words
 
 
 def _esm(text):
-    """Read the text of a file of the Engineering Strong Motion database as a `FileRecord`.
+    """Return the contents of a file of the Engineering Strong Motion database as a `FileRecord`.
 
-    It has 64 lines ``NAME: value``, and a sample a line.
+    `text` is all of the file: 64 lines ``NAME: value``, and a sample a line.
     """
     lines = text.splitlines()
     header = {
@@ -221,9 +228,9 @@ def _esm(text):
 
 
 def _columns(text):
-    """Read a text of columns, parted by commas, semicolons, tabs or blanks, as a `FileRecord`.
+    """Return what a text of columns, parted by commas, semicolons, tabs or blanks, holds, as a `FileRecord`.
 
-    The columns are time and acceleration, or those that names in the first line tell.
+    The columns are time, in seconds, and acceleration, or those that names in the first line tell.
     """
     lines = [
         (number, line)
@@ -253,16 +260,16 @@ def _columns(text):
 
 
 def _names(line):
-    """Return the names of columns in a line of text, each with the unit in brackets behind it, as a list."""
+    """Return the names of columns in a line of text, each with the unit in brackets behind it, as a list of text."""
     parting = next((mark for mark in ";\t," if mark in line), "")
     names = line.split(parting) if parting else re.findall(r"\S+(?:\s*[(\[][^)\]]*[)\]])?", line)
     return [name.strip().strip("\"'") for name in names]
 
 
 def _places(names):
-    """Return the indices of the columns of time and acceleration that names tell, else None.
+    """Return (time, acceleration), the indices of these columns among `names`, a list of text.
 
-    `names` is a list of text; None where it does not tell one of each.
+    It is None where the names do not tell one of each.
     """
     times = [place for place, name in enumerate(names) if re.match(r"t(ime|\b|_)", name, re.IGNORECASE)]
     columns = [place for place, name in enumerate(names) if re.match(r"a(cc|\b|_)", name, re.IGNORECASE)]
@@ -271,7 +278,7 @@ def _places(names):
 
 
 def _unit_in(name):
-    """Return the unit of acceleration in the name of a column, as in ``acc_m_s2`` or ``Acceleration (g)``; else ""."""
+    """Return the unit, a key of `UNITS`, in a column's name, as in ``acc_m_s2`` or ``Acceleration (g)``; else ""."""
     words = re.findall(r"[^\s,;()\[\]\"']+", name)
     parts = [word.split("_", start)[-1] for word in words for start in range(word.count("_") + 1)]
     return next(filter(None, map(unit_of, parts)), "")
@@ -285,14 +292,14 @@ def _entries(line):
 
 
 def _is_number(word):
-    """Whether a word, a text, is a number, other than nan."""
+    """Whether a word, a text, is a number other than nan: a bool."""
     return not math.isnan(_number(word))
 
 
 def _interval(times, words, lines):
-    """Return the interval, seconds, of times (n,) in a file, or refuse them where they are not equally spaced.
+    """Return the interval, seconds, of times (n,) in a file; ValueError where they are not equally spaced.
 
-    `words` are the times as they are written, and `lines` the numbers of their lines, n of each.
+    `words` (n) are the times as they are written, texts, and `lines` (n) the numbers of their lines.
     """
     steps = np.diff(times)
     interval = (times[-1] - times[0]) / (len(times) - 1)
@@ -319,19 +326,19 @@ def _interval(times, words, lines):
 
 
 def _latest(times, late):
-    """Return the place before the time that is furthest off equal spacing, and the time expected after it.
+    """Return (index, expected): the place before the time furthest off equal spacing, and what that time should be.
 
-    `times` (n,) and how late each of them is, `late` (n,), are in seconds.
+    `times` (n,) and how late each of them is, `late` (n,), are in seconds, as `expected` is.
     """
     place = int(np.argmax(np.abs(late)))
     return place - 1, times[place] - late[place]
 
 
 def _rounded_interval(times, words):
-    """Return the interval of equally spaced times that were rounded to decimals; 0 where rounding explains them not.
+    """Return the interval, seconds, of equally spaced times that were rounded to decimals.
 
-    `times` (n,) are in seconds and `words` (n) are they as written. They are rounded times if some line has all within
-    half a unit of the last decimal. Fewer than ten tell nothing.
+    It is 0.0 where rounding explains the times not. `times` (n,) are in seconds and `words` (n) are they as written.
+    They are rounded times if some line has all within half a unit of the last decimal. Fewer than ten tell nothing.
     """
     decimals = max(len(word.partition(".")[2]) for word in words)
     half, count = 0.5 * 10.0**-decimals, np.arange(len(times))
@@ -352,7 +359,7 @@ def _rounded_interval(times, words):
 
 
 def _check_count(count):
-    """Raise ValueError for a number of samples (int) that a record cannot have."""
+    """Raise ValueError for a number of samples (int) that a record cannot have, else return None."""
     if not 2 <= count <= MOST:
         raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
 
@@ -360,7 +367,7 @@ def _check_count(count):
 def _numbers(words, lines=()):
     """Return words (n), texts, as an array (n,) of finite numbers, or raise ValueError.
 
-    `lines` (n) are the numbers of their lines, for the message; where there are none it says no line.
+    `lines` (n) are the numbers of their lines, for the message; if it is empty the message says no line.
     """
     try:
         values = np.array(words, dtype=float)

@@ -17,7 +17,7 @@ from fpk_rocking.physics.motion.block import add_cosine
 
 
 class PeriodicForcing(Forcing):
-    """A forcing -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...
+    """A forcing f = -Σ A_k cos(Ω_k τ + Ψ_k) with Ω_k = k Ω, k = 1, 2, ...; all are nondimensional, phases in radians.
 
     A kind is a frozen dataclass with `frequency`, `components`, `largest_velocity` and `scaled`; and, for the operator
     of a cycle and the Melnikov process, `at_phase` and `filtered`.
@@ -32,11 +32,11 @@ class PeriodicForcing(Forcing):
     @property
     @abc.abstractmethod
     def components(self) -> tuple[tuple[int, float, float], ...]:
-        """Multiple k, amplitude A_k and phase Ψ_k of every harmonic."""
+        """Tuples (k, A_k, Ψ_k) of every harmonic: multiple, amplitude (nondimensional) and phase (radians)."""
 
     @property
     def phase(self) -> float:
-        """Phase Ψ_1 of the first harmonic."""
+        """Phase Ψ_1 of the first harmonic, radians."""
         return self.components[0][2]
 
     @property
@@ -54,38 +54,35 @@ class PeriodicForcing(Forcing):
 
     @property
     def shortest_period(self) -> float:
-        """Period of the highest harmonic."""
+        """Period of the highest harmonic, nondimensional."""
         return self.period / max(1, 1, *(k for k, amplitude, _ in self.components if amplitude))
 
     @property
     def longest_piece(self) -> float:
-        """Time from its instant for which a piece of `pieces` is right to 1e-14."""
+        """Nondimensional time from its instant for which a polynomial of `pieces` is right to 1e-14."""
         return longest_of(self.shortest_period)
 
     @property
     def time_scale(self) -> float:
-        """Time that an engine's `steps_per_cycle` count in: a cycle."""
+        """Nondimensional time that an engine's `steps_per_cycle` count in: a cycle."""
         return self.period
 
     def spacing(self, longest: float) -> float:
-        """Largest spacing up to `longest` of a grid from 0 on whose intervals each see one polynomial piece.
-
-        The grid divides the cycle.
-        """
+        """Return the largest spacing up to `longest` of a grid from τ = 0 on that divides the cycle, nondimensional."""
         return self.period / math.ceil(self.period / longest - 1e-9)
 
     def pieces(self, instants: Sequence[float] | Array) -> Array:
-        """Coefficients of the particular solution P in the time since given instants.
+        """Coefficients of P, the bounded solution of P'' = P + f, in the time since given instants.
 
         Parameters
         ----------
         instants : sequence of float
-            Nondimensional times.
+            n nondimensional times.
 
         Returns
         -------
-        ndarray, shape (instants, TERMS)
-            Taylor coefficients of P = Σ A_k cos(Ω_k τ + Ψ_k)/(1 + Ω_k²).
+        ndarray, shape (n, TERMS)
+            Taylor coefficients of P = Σ A_k cos(Ω_k τ + Ψ_k)/(1 + Ω_k²), lowest power first.
         """
         out = np.zeros((len(instants), TERMS))
         for row, instant in zip(out, instants, strict=True):
@@ -94,30 +91,30 @@ class PeriodicForcing(Forcing):
         return out
 
     def particular(self, time: float) -> tuple[float, float]:
-        """Particular solution P and its derivative P' at a nondimensional time."""
+        """Return (P, P') at `time` τ, nondimensional: the bounded solution of P'' = P + f and its derivative."""
         ((value, slope, *_),) = self.pieces([time])
         return float(value), float(slope)
 
     def particular_over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
-        """Coefficients (TERMS,) of P in the time since the start of a step; they do not depend on its duration."""
+        """Return coefficients (TERMS,) of P, lowest power first, in the time since `start`, for any `duration`."""
         return self.pieces([start])[0]
 
     def value(self, time: float) -> float:
-        """Force f at a time."""
+        """Return the force f at `time` τ, a float, nondimensional."""
         return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)
 
     def slope(self, time: float) -> float:
-        """Slope of the force at a time."""
+        """Return df/dτ at `time` τ, a float, nondimensional."""
         omega = self.frequency
         return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
 
     def values_in_cycle(self, places: Array, count: int) -> Array:
-        """Force (n,) at places (n,) of a cycle, counted in its `count` equal parts: periodic to the last digit."""
+        """Force f (n,) at places (n,) of a cycle, from 0 to `count`, its end: periodic to the last digit."""
         waves = (a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
         return np.asarray(-sum(waves))
 
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from 0 on.
+        """Force f (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from τ = 0 on.
 
         `spacing` is that of the grid, nondimensional; it divides the cycle.
         """
@@ -125,28 +122,28 @@ class PeriodicForcing(Forcing):
         return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
 
     def with_constant(self, constant: float) -> "PeriodicForcing":
-        """Return the forcing with a constant c added to f, as its harmonic k = 0; P becomes P - c."""
+        """Return the forcing f + `constant`, nondimensional, a harmonic k = 0; P becomes P - `constant`."""
         mean = 0, abs(constant), math.pi if constant > 0.0 else 0.0
         return _Sum(self.frequency, (*self.components, mean))
 
     @property
     def steepest(self) -> float:
-        """Bound of the slope of the force."""
+        """Upper bound of |df/dτ|, nondimensional."""
         return sum(k * self.frequency * a for k, a, _ in self.components)
 
     @property
     def swing(self) -> float:
-        """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
+        """Bound of |P + P'| and |P - P'|, nondimensional: how far f moves the separatrices, and a block with them."""
         return sum(a / math.hypot(1.0, k * self.frequency) for k, a, _ in self.components)
 
     @property
     def largest(self) -> float:
-        """Largest |f|."""
+        """Largest |f|, nondimensional."""
         return _lift_offs(self).largest
 
     @property
     def largest_velocity(self) -> float:
-        """Largest |∫f dτ|: the integral of each harmonic is one of amplitude A_k/(kΩ), a quarter of its cycle late."""
+        """Largest |∫f dτ|, nondimensional, of the integral with mean 0."""
         parts = ((k, a / (k * self.frequency), phase - 0.5 * math.pi) for k, a, phase in self.components if k)
         return _Sum(self.frequency, tuple(parts)).largest
 
@@ -160,13 +157,13 @@ class PeriodicForcing(Forcing):
         return total / self.period
 
     def _integral(self, time):
-        """Antiderivative of f without its mean, at a nondimensional time, a float."""
+        """Return the antiderivative, of mean 0, of f without its mean, at a nondimensional `time`, a float."""
         omega = self.frequency
         return -sum(a * math.sin(k * omega * time + phase) / (k * omega) for k, a, phase in self.components)
 
     @property
     def longest_rest(self) -> float:
-        """Longest time in which |f| stays at most 1, so that a block at rest stays there; inf if it always does."""
+        """Longest nondimensional time in which |f| stays at most 1: rest lasts; inf if it always does."""
         passages = _lift_offs(self)
         if not passages.lift_offs.size:
             return math.inf
@@ -175,7 +172,7 @@ class PeriodicForcing(Forcing):
         return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
 
     def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Time since |f| last rose through 1 before a time, and the slope of |f| there; (inf, 0) if it never does."""
+        """Return (elapsed, slope): time since |f| last rose through 1, and d|f|/dτ there; (inf, 0) if never."""
         passages = _lift_offs(self)
         if not passages.lift_offs.size:
             return math.inf, 0.0
@@ -219,7 +216,7 @@ class Harmonic(PeriodicForcing):
 
     @property
     def components(self) -> tuple[tuple[int, float, float], ...]:
-        """Multiple, amplitude and phase of the only harmonic."""
+        """The only harmonic, ((1, A, Ψ),): multiple, amplitude and phase, radians."""
         return ((1, self.amplitude, self.phase),)
 
     def at_phase(self, phase: float) -> Self:
@@ -227,7 +224,7 @@ class Harmonic(PeriodicForcing):
         return dataclasses.replace(self, phase=phase)
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
-        """Return the forcing with its harmonic multiplied by gain(Ω), a real number of either sign."""
+        """Return the forcing with its harmonic times gain(Ω), a real number of either sign, Ω nondimensional."""
         factor = float(gain(self.frequency))
         return dataclasses.replace(self, amplitude=self.amplitude * abs(factor), phase=_phase_times(self.phase, factor))
 
@@ -237,7 +234,7 @@ class Harmonic(PeriodicForcing):
 
     @property
     def largest_velocity(self) -> float:
-        """Largest |∫f dτ|."""
+        """Largest |∫f dτ|, nondimensional, of the integral with mean 0: A/Ω."""
         return self.amplitude / self.frequency
 
     def __str__(self):
@@ -285,7 +282,7 @@ class Harmonics(PeriodicForcing):
 
     @property
     def components(self) -> tuple[tuple[int, float, float], ...]:
-        """Multiple, amplitude and phase of every harmonic."""
+        """Tuples (k, A_k, Ψ_k) of every harmonic: multiple, amplitude and phase, radians."""
         pairs = zip(self.amplitudes, self.phases, strict=True)
         return tuple((k, amplitude, phase) for k, (amplitude, phase) in enumerate(pairs, 1))
 
@@ -298,7 +295,7 @@ class Harmonics(PeriodicForcing):
         return dataclasses.replace(self, phases=tuple(psi + k * ahead for k, psi in enumerate(self.phases, 1)))
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
-        """Return the forcing with every harmonic multiplied by gain(kΩ), a real number of either sign."""
+        """Return the forcing with every harmonic times gain(kΩ), a real number of either sign, kΩ nondimensional."""
         factors = [float(gain(k * self.frequency)) for k, _, _ in self.components]
         amplitudes = (size * abs(factor) for size, factor in zip(self.amplitudes, factors, strict=True))
         phases = map(_phase_times, self.phases, factors)
@@ -316,7 +313,7 @@ class Harmonics(PeriodicForcing):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Sum(PeriodicForcing):
-    """A sum of harmonics, among them a mean."""
+    """A sum of harmonics -Σ A_k cos(kΩτ + Ψ_k), with tuples (k, A_k, Ψ_k); k = 0 is a mean."""
 
     frequency: float
     components: tuple[tuple[int, float, float], ...]
@@ -327,12 +324,12 @@ class _Sum(PeriodicForcing):
 
 
 def _phase_times(phase, factor):
-    """Return the phase, radians, of a harmonic after multiplication by a factor, of either sign."""
+    """Return `phase`, radians, of a harmonic after multiplication by `factor`: π more where that is negative."""
     return phase if factor >= 0.0 else phase + math.pi
 
 
 def periodic(forcing: Forcing) -> PeriodicForcing:
-    """Return a forcing that repeats, or raise TypeError."""
+    """Return `forcing` itself if it is a `PeriodicForcing`, one that repeats, or raise TypeError."""
     if not isinstance(forcing, PeriodicForcing):
         raise TypeError(checks.refusal("forcing", forcing, "a forcing that repeats"))
     return forcing
@@ -340,7 +337,7 @@ def periodic(forcing: Forcing) -> PeriodicForcing:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _LiftOffs:
-    """Largest |f|, and the times (n,) in a period at which |f| rises and falls through 1, ascending."""
+    """Largest |f|, and the times (n,) in a period at which |f| rises and falls through 1, ascending; nondimensional."""
 
     largest: float
     lift_offs: np.ndarray
@@ -349,7 +346,7 @@ class _LiftOffs:
 
 @functools.lru_cache(maxsize=16)
 def _lift_offs(forcing):
-    """Return the `_LiftOffs` of a `PeriodicForcing`, from roots of polynomials in exp(iΩτ)."""
+    """Return the `_LiftOffs` of a `PeriodicForcing`: its largest |f|, and the times in a period when |f| passes 1."""
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
     largest = max(turning, default=mean)
@@ -364,10 +361,10 @@ def _lift_offs(forcing):
 
 
 def _zeros(forcing, level, derivative):
-    """List of the times in [0, T) at which f, or its derivative, passes a level, for a `PeriodicForcing`.
+    """Return a list of the times in [0, T) at which f, or its derivative, of a `PeriodicForcing` passes a level.
 
-    `derivative` is 0 for f and 1 for f'. The times are roots on the unit circle of a polynomial: with z = exp(iΩτ) a
-    sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
+    `level` is that of f, nondimensional; `derivative` is 0 for f and 1 for zeros of f'. The times are roots on the unit
+    circle of a polynomial: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
     if forcing.steepest < 1e-300:
@@ -387,7 +384,7 @@ def _zeros(forcing, level, derivative):
 
 
 def _newton_step(forcing, time, level):
-    """Improve the time of a simple zero of f - level, for a `PeriodicForcing`, by one step of Newton's."""
+    """Return `time`, near a simple zero of f - `level`, improved by one step of Newton's, for a `PeriodicForcing`."""
     slope = forcing.slope(time)
     if abs(slope) < 1e-6 * forcing.steepest:
         return time

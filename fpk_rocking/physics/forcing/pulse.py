@@ -15,7 +15,10 @@ from fpk_rocking.physics.motion import TERMS
 
 
 def _sine(shift):
-    """Return a function that gives the Taylor coefficients (n, TERMS) of sin(z + shift) about z (n,), in radians."""
+    """Return a function of z (n,), radians, with the Taylor coefficients (n, TERMS) of sin(z + shift) about it.
+
+    `shift` is in radians; the lowest power comes first.
+    """
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])
     return lambda z: np.sin(z[:, None] + shift + 0.5 * math.pi * order) * inverse
@@ -28,13 +31,14 @@ _REACH = 6.5
 def _bell(polynomial):
     """Return a function of z (n,) that gives the Taylor coefficients (n, TERMS) of p(y) exp(-y²/2) about it.
 
-    `polynomial` are the coefficients of p, the lowest power first, and y = z - `_REACH` is counted from the peak.
+    `polynomial` are the coefficients of p; the lowest power comes first in both. y = z - `_REACH` is counted from the
+    peak.
     """
     factor = np.polynomial.Polynomial(polynomial)
     parts = [factor.deriv(k) / math.factorial(k) if k else factor for k in range(len(polynomial))]
 
     def series(z):
-        """Taylor coefficients (n, TERMS) about z (n,), counted from the begin of the pulse."""
+        """Return Taylor coefficients (n, TERMS), lowest power first, about z (n,), counted from the pulse's begin."""
         z = z - _REACH
         # exp(-(z+t)²/2) = exp(-z²/2) Σ He_k(z) (-t)^k / k!, and the polynomial about z.
         bell = np.empty((len(z), TERMS))
@@ -120,7 +124,11 @@ class Pulse(TransientForcing):
 
     @functools.cached_property
     def _wave(self):
-        """Length of the pulse in z, series in a phase y, z per y, and the largest slope in y."""
+        """Shape of the pulse, (length, series, z per y, slope), in a phase y that is a multiple of z.
+
+        They are the pulse's length in y, a function of y (n,) with the Taylor coefficients (n, TERMS), the ratio z/y,
+        and the largest slope in y of the shape.
+        """
         if self.shape == "symmetric-ricker":
             return 2.0 * _REACH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK
         if self.shape == "antisymmetric-ricker":
@@ -130,36 +138,39 @@ class Pulse(TransientForcing):
 
     @property
     def _rate(self):
-        """Phase y per time."""
+        """Phase y of the shape per nondimensional time, a float."""
         return self.frequency / self._wave[2]
 
     @property
     def duration(self) -> float:
-        """Time at which it ends."""
+        """Nondimensional time at which it ends."""
         return self._wave[0] / self._rate
 
     @property
     def shortest_period(self) -> float:
-        """Period of the sine, or of one that is as smooth as a bell."""
+        """Nondimensional period of the sine, or of one that is as smooth as a bell."""
         return (2.0 * math.pi if self._wave[2] == 1.0 else 2.0) / self._rate
 
     @property
     def time_scale(self) -> float:
-        """2π/Ω."""
+        """Nondimensional time that an engine's `steps_per_cycle` count in: 2π/Ω."""
         return 2.0 * math.pi / self.frequency
 
     @property
     def largest(self) -> float:
-        """Largest |f|."""
+        """Largest |f|, nondimensional: the amplitude A."""
         return self.amplitude
 
     @property
     def steepest(self) -> float:
-        """Bound of the slope of the force."""
+        """Upper bound of |df/dτ|, nondimensional."""
         return self.amplitude * self._rate * self._wave[3]
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,)."""
+        """Return Taylor coefficients (n, TERMS), lowest power first, of f about nondimensional times (n,).
+
+        They are 0 outside the pulse.
+        """
         length, series, *_ = self._wave
         phase = self._rate * times
         on = (phase >= 0.0) & (phase < length * (1.0 - 1e-12))
@@ -227,7 +238,7 @@ class Chirp(TransientForcing):
 
     @property
     def _rate(self):
-        """Change of the frequency per time, Ω'."""
+        """Change of the angular frequency per time, (Ω₁ - Ω₀)/d, nondimensional."""
         return (self.end_frequency - self.start_frequency) / self.duration
 
     @property
@@ -237,12 +248,12 @@ class Chirp(TransientForcing):
 
     @property
     def _fastest(self):
-        """Highest angular frequency."""
+        """Highest angular frequency, nondimensional."""
         return max(self.start_frequency, self.end_frequency)
 
     @property
     def shortest_period(self) -> float:
-        """Period of the sine that is no smoother.
+        """Nondimensional period of a sine that is no smoother than the sweep.
 
         Taylor coefficients of sin(Ω' t²/2) fall like those of sin(2.5 √Ω' t), to the order of a piece.
         """
@@ -250,21 +261,24 @@ class Chirp(TransientForcing):
 
     @property
     def time_scale(self) -> float:
-        """Shortest period of the sweep."""
+        """Nondimensional time that an engine's `steps_per_cycle` count in: the shortest period of the sweep."""
         return 2.0 * math.pi / self._fastest
 
     @property
     def largest(self) -> float:
-        """Largest |f|: that at the end where the phase does not reach π/2."""
+        """Largest |f|, nondimensional: that at the end where the phase does not reach π/2."""
         return self.amplitude * math.sin(min(self._phase_at_end, 0.5 * math.pi))
 
     @property
     def steepest(self) -> float:
-        """Bound of the slope of the force."""
+        """Upper bound of |df/dτ|, nondimensional."""
         return self.amplitude * self._fastest
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about times (n,), from (sin φ)' = φ' cos φ and its like."""
+        """Return Taylor coefficients (n, TERMS), lowest power first, of f about nondimensional times (n,).
+
+        They are 0 outside the sweep. They follow from (sin φ)' = φ' cos φ and its like.
+        """
         times = np.asarray(times, dtype=float)
         frequency, rate = self.start_frequency + self._rate * times, self._rate
         phase = times * (self.start_frequency + 0.5 * rate * times)

@@ -146,9 +146,10 @@ class Record(TransientForcing):
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
-        """Read a record from its file, or from a TOML table (dict) that holds its samples.
+        """Return the record that a TOML table (dict) without its kind describes.
 
-        `name` is the table's, for messages; the file's path is relative to a folder.
+        Keys are file, units, scale, baseline, corner_hz as of `from_file`, or the parameters of the class. `name` is
+        the table's, for messages; the file's path is relative to `folder`, a path.
         """
         if "file" not in table:
             return super().from_table(name, table, folder)
@@ -160,13 +161,13 @@ class Record(TransientForcing):
         return cls.from_file(path, **{key: value for key, value in table.items() if key != "file"})
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the record with accelerations multiplied by `strength`, and times divided by `rate`."""
+        """Return the record with accelerations multiplied by `strength`, and times divided by `rate`, both above 0."""
         scale, interval, corner_hz = self.scale * strength, self.interval / rate, self.corner_hz * rate
         changed = dataclasses.replace(self, scale=scale, interval=interval, corner_hz=corner_hz)
         return changed if self._size is None else changed.for_size(self._size)
 
     def check_range(self) -> None:
-        """Refuse sizes that the engines cannot carry, by name."""
+        """Raise ValueError, by name, for accelerations or times that the engines cannot carry; else return None."""
         super().check_range()
         most = RANGES["amplitude"][1]
         if not self.largest <= most:
@@ -174,7 +175,10 @@ class Record(TransientForcing):
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
 
     def for_size(self, size: Size | None) -> Self:
-        """Return the record made nondimensional by the `Size` of a block, or refuse None, one without dimensions."""
+        """Return the record made nondimensional by the `Size` of a block.
+
+        None, a block without dimensions, is a ValueError.
+        """
         if size is None:
             raise _unsized()
         if size == self._size:
@@ -185,28 +189,32 @@ class Record(TransientForcing):
 
     @property
     def _bound_size(self) -> Size:
-        """Size of the block by which the record is nondimensional; ValueError where it has none."""
+        """The `Size` of the block by which the record is nondimensional; ValueError where it has none."""
         if self._size is None:
             raise _unsized()
         return self._size
 
     @functools.cached_property
     def forces(self) -> Array:
-        """Nondimensional force at the samples, shape (n,); what overflows is refused with all that is too strong."""
+        """Nondimensional force f at the samples, shape (n,).
+
+        What overflows is inf or nan here, and refused with all that is too strong.
+        """
         with np.errstate(over="ignore", invalid="ignore"):
             return self._bound_size.amplitude(self.scale * UNITS[self.units] * self.corrected_samples)
 
     @functools.cached_property
     def corrected_samples(self) -> Array:
-        """Samples that act, (n,), in their unit: without what `baseline` removes."""
+        """Accelerations that act, (n,), in the unit of the samples, before `scale`: without what `baseline` removes."""
         with np.errstate(over="ignore", invalid="ignore"):
             return corrected(np.array(self.samples), self.interval, self.baseline, self.corner_hz)
 
     @functools.cached_property
     def drift(self) -> Drift:
-        """What "high-pass" would remove from the samples that act, before they are multiplied by `scale`.
+        """Velocities and accelerations, a `Drift`, of the samples that act, before and after "high-pass" corrects them.
 
-        Where the interval does not resolve the corner it is what "linear" would remove.
+        They are in m/s and m/s², before `scale` multiplies. Where the interval does not resolve the corner it is
+        "linear" that corrects.
         """
         low, high = corners(self.interval)
         kind = "high-pass" if low <= self.corner_hz <= high else "linear"
@@ -217,14 +225,20 @@ class Record(TransientForcing):
 
     @functools.cached_property
     def correction(self) -> Drift:
-        """What `baseline` removed from the samples, before they are multiplied by `scale`."""
+        """Velocities and accelerations, a `Drift`, of the samples before and after `baseline` corrects them.
+
+        They are in m/s and m/s², before `scale` multiplies.
+        """
         unit = UNITS[self.units]
         with np.errstate(over="ignore", invalid="ignore"):
             return drift_of(unit * np.array(self.samples), unit * self.corrected_samples, self.interval)
 
     @property
     def implausible(self) -> list[str]:
-        """Sentences on accelerations, velocities and times, before `scale` multiplies, that were hardly meant."""
+        """Sentences, a list of text, on accelerations, velocities and times hardly meant; empty if all are likely.
+
+        They are judged before `scale` multiplies.
+        """
         drift, lasts = self.drift, self.interval * (len(self.samples) - 1)
         name, sentences = self.source or "the record", []
         # The strongest horizontal accelerations of the ground are below 3 g, the fastest velocities about 3 m/s.
@@ -256,26 +270,29 @@ class Record(TransientForcing):
 
     @functools.cached_property
     def unit(self) -> float:
-        """Nondimensional time between samples."""
+        """Nondimensional time between samples, a float."""
         return self._bound_size.tau(self.interval)
 
     @property
     def duration(self) -> float:
-        """Time at which it ends: that of the last sample."""
+        """Nondimensional time at which it ends: that of the last sample."""
         return self.unit * (len(self.samples) - 1)
 
     @functools.cached_property
     def largest(self) -> float:
-        """Largest |f|."""
+        """Largest |f|, nondimensional."""
         return float(np.abs(self.forces).max())
 
     @functools.cached_property
     def steepest(self) -> float:
-        """Largest slope of the force between samples."""
+        """Largest |df/dτ| between samples, nondimensional."""
         return float(np.abs(np.diff(self.forces)).max()) / self.unit
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,)."""
+        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,), lowest power first.
+
+        At a sample they are those of the interval that begins there; outside of the record they are 0.
+        """
         out, forces = np.zeros((len(times), TERMS)), self.forces
         place = np.floor(np.asarray(times) / self.unit + 1e-9).astype(np.int64)
         on = (place >= 0) & (place < len(forces) - 1)
@@ -290,7 +307,7 @@ class Record(TransientForcing):
 
 
 def check_baseline(name: str, value: str) -> str:
-    """Return `value`, the name of a correction in `BASELINES`, or refuse it; `name` is for the message."""
+    """Return `value`, a name in `BASELINES`, or raise TypeError or ValueError; `name` is for the message."""
     if not isinstance(value, str) or value not in BASELINES:
         kind = ValueError if isinstance(value, str) else TypeError
         raise kind(checks.refusal(name, value, " or ".join(map(repr, BASELINES))))
@@ -298,7 +315,7 @@ def check_baseline(name: str, value: str) -> str:
 
 
 def _unit(text):
-    """Return the unit in `UNITS` that a text means, or raise TypeError or ValueError."""
+    """Return the key of `UNITS`, "g", "m/s2" or "cm/s2", that a text means, or raise TypeError or ValueError."""
     if not isinstance(text, str):
         raise TypeError(checks.refusal("forcing.units", text, " or ".join(map(repr, UNITS))))
     units = unit_of(text)
@@ -308,12 +325,12 @@ def _unit(text):
 
 
 def _unsized():
-    """Return the error of a record without the dimensions of a block."""
+    """Return the ValueError that refuses a record with a block without dimensions; it is not raised here."""
     return ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")
 
 
 def _samples(value):
-    """Return samples, of any sequence, as a tuple of floats, or raise TypeError or ValueError."""
+    """Return a sequence of samples as a tuple of floats, or raise TypeError or ValueError."""
     accepted = f"a list of 2 to {MOST} finite numbers"
     array = checks.array("forcing.samples", value, accepted)
     if array.ndim != 1 or not 2 <= array.size <= MOST:

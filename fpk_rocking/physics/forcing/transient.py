@@ -20,7 +20,7 @@ from fpk_rocking.physics.motion.block import forced_response, linear_force_respo
 
 
 class TransientForcing(Forcing):
-    """A forcing that is 0 from `duration` on, and does not repeat.
+    """A forcing that is 0 from `duration` on, and does not repeat; everything is nondimensional.
 
     A kind is a frozen dataclass with `duration`, `shortest_period`, `largest`, `steepest`, `time_scale`, `series` and
     `scaled`, and `unit` where f has kinks or jumps other than at its ends. It has a ``__dict__``, in which results are
@@ -33,24 +33,33 @@ class TransientForcing(Forcing):
 
     @property
     def unit(self) -> float:
-        """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
+        """Nondimensional spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
         return self.duration
 
     @abc.abstractmethod
     def series(self, times: Array) -> Array:
-        """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
+        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,), lowest power first.
+
+        At a kink they are those of the piece that begins there.
+        """
 
     @property
     def longest_piece(self) -> float:
-        """Time from its instant for which a piece of `pieces` is right to 1e-14, if no kink of f lies between."""
+        """Nondimensional time from its instant for which a polynomial of `pieces` is right to 1e-14.
+
+        That holds if no kink of f lies between.
+        """
         return min(longest_of(self.shortest_period), 0.5)
 
     def spacing(self, longest: float) -> float:
-        """Largest spacing up to `longest` of a grid from 0 on whose intervals each see one polynomial piece."""
+        """Return the largest spacing, up to `longest`, of a grid from τ = 0 on whose intervals have no kink inside.
+
+        So f and P have one polynomial on each interval. Spacing and `longest` are nondimensional times.
+        """
         return self.unit / math.ceil(self.unit / longest - 1e-9)
 
     def pieces(self, instants: ArrayLike) -> Array:
-        """Coefficients of the particular solution P in the time since given instants.
+        """Coefficients of P, the bounded solution of P'' = P + f, in the time since given instants.
 
         Parameters
         ----------
@@ -60,7 +69,7 @@ class TransientForcing(Forcing):
         Returns
         -------
         ndarray, shape (n, TERMS)
-            Taylor coefficients of P, for the piece of f that begins at an instant or goes on there.
+            Taylor coefficients of P, lowest power first, for the piece of f that begins at an instant or goes on there.
         """
         times = np.asarray(instants, dtype=float)
         spacing, states = self._grid
@@ -78,9 +87,10 @@ class TransientForcing(Forcing):
         return particular_series(p, q, self.series(times))
 
     def particular_over(self, start: float, duration: float) -> Array:
-        """Coefficients (TERMS,) of P, in the time since its start, over a step of a duration.
+        """Return coefficients (TERMS,) of P, lowest power first, in the time since `start`, over a `duration`.
 
-        In a step with kinks the force is replaced by the linear one under which flights over the step are the same.
+        P is the bounded solution of P'' = P + f; times are nondimensional. In a step with kinks the force is replaced
+        by the linear one under which flights over the step are the same.
         """
         first, last = (
             int(np.floor(time / self.unit + shift)) for time, shift in ((start, 1e-6), (start + duration, -1e-6))
@@ -94,7 +104,10 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def _grid(self) -> tuple[float, Array]:
-        """Spacing of a grid of n intervals from 0 to the end, and P and P' (n + 1, 2) at its nodes."""
+        """Return (spacing, states): a grid of n intervals from 0 to the end, and (P, P') at its nodes, (n + 1, 2).
+
+        P is the bounded solution of P'' = P + f; the spacing is a nondimensional time.
+        """
         spacing = self.spacing(min(0.2, self.longest_piece))
         count = round(self.duration / spacing)
         points, point_weights = gauss_legendre(12, -1.0, 1.0)
@@ -110,7 +123,7 @@ class TransientForcing(Forcing):
         return spacing, np.stack([-0.5 * (left + right), 0.5 * (left - right)], axis=-1)
 
     def particular(self, time: float) -> tuple[float, float]:
-        """Return P and P' at a time, of the bounded solution of P'' = P + f; values are kept."""
+        """Return (P, P') at `time` τ, nondimensional, of the bounded solution of P'' = P + f; values are kept."""
         if time not in self._particulars:
             ((value, slope, *_),) = self.pieces([time])
             self._particulars[time] = float(value), float(slope)
@@ -118,19 +131,19 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def _particulars(self) -> dict[float, tuple[float, float]]:
-        """Results of `particular` by their time."""
+        """Results (P, P') of `particular` by their time; it fills this dict."""
         return {}
 
     def values(self, times: ArrayLike) -> Array:
-        """Force f (n,) at nondimensional times (n,), that after a jump where there is one."""
+        """Return the force f (n,), nondimensional, at nondimensional times (n,); at a jump, that after it."""
         return self.series(np.asarray(times, dtype=float))[:, 0]
 
     def value(self, time: float) -> float:
-        """Force f at a nondimensional time, that after a jump where there is one."""
+        """Return the force f at `time` τ, a float, both nondimensional; at a jump, that after it."""
         return float(self.values([time])[0])
 
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from 0 on.
+        """Force f (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from τ = 0 on.
 
         `spacing` is that of the grid, nondimensional; a jump lies between two intervals.
         """
@@ -138,12 +151,15 @@ class TransientForcing(Forcing):
         return self.series(np.arange(count) * spacing) @ parts.T
 
     def slope(self, time: float) -> float:
-        """Slope of the force at a nondimensional time."""
+        """Return df/dτ at `time` τ, a float, both nondimensional; at a kink, that after it."""
         return float(self.series(np.array([time]))[0, 1])
 
     @functools.cached_property
     def swing(self) -> float:
-        """Bound of |P + P'| and |P - P'|: how far the forcing moves the separatrices, and a block that follows it."""
+        """Bound of |P + P'| and |P - P'|, nondimensional, P being the bounded solution of P'' = P + f.
+
+        It says how far the forcing moves the separatrices, and a block that follows it.
+        """
         # Both change by less than the force and themselves, so between samples by no more than over their distance.
         times = self._sample_times
         p, q = self.pieces(times)[:, :2].T
@@ -152,7 +168,7 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def largest_velocity(self) -> float:
-        """Largest |∫f dτ|, from polynomial pieces: at their ends, and where f changes its sign."""
+        """Largest |∫f dτ| from τ = 0 on, nondimensional, at ends of pieces and where f changes its sign."""
         spacing = self.spacing(self.longest_piece)
         force = self.series(np.arange(round(self.duration / spacing)) * spacing)
         order = np.arange(TERMS)
@@ -170,13 +186,13 @@ class TransientForcing(Forcing):
 
     @property
     def _sample_times(self) -> Array:
-        """Times from 0 to the end, an eighth of the grid's spacing apart."""
+        """Nondimensional times (n,) from 0 to the end, an eighth of the grid's spacing apart."""
         spacing = self._grid[0] / 8
         return np.arange(round(self.duration / spacing) + 1) * spacing
 
     @functools.cached_property
     def _lift_offs(self) -> tuple[Array, Array]:
-        """Times (n,) at which |f| rises through 1, ascending, and those (m,) at which it falls back."""
+        """Nondimensional times (n,) at which |f| rises through 1, and (m,) at which it falls back; each ascending."""
         grid = self._sample_times
         above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > LIFT_OFF, [False]])
         rises: list[float] = []
@@ -193,7 +209,10 @@ class TransientForcing(Forcing):
         return np.array(rises), np.array(falls)
 
     def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Time since |f| last rose through 1 before a time, and the slope of |f| there; (inf, 0) where it has not."""
+        """Return (elapsed, slope): the time since |f| last rose through 1, as seen at `time`, and d|f|/dτ there.
+
+        Both are nondimensional; (inf, 0) where it has not.
+        """
         rises = self._lift_offs[0]
         before = rises[rises <= time + 1e-12 * self.duration]
         if not before.size:

@@ -22,6 +22,6 @@ TERMS = 16
 def lift_off(critical_angle: float) -> float:
     """Return the largest |f|, nondimensional, under which a block at rest stays: tan(α)/α, or 1 for α = 0.
 
-    `critical_angle` is α, radians.
+    `critical_angle` is α, radians; f is the acceleration of the base over g α.
     """
     return math.tan(critical_angle) / critical_angle if critical_angle > 0.0 else LIFT_OFF

@@ -18,14 +18,18 @@ from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 
 
 def dynamic_stiffness(frequency: float) -> float:
-    """Return 1 + ω²: a force of the nondimensional frequency ω is that many times its P, with the other sign."""
+    """Return 1 + ω²: a force cos ωτ is minus that many times its P, the bounded solution of P'' = P + f.
+
+    `frequency` is ω, nondimensional.
+    """
     return 1.0 + frequency * frequency
 
 
 def particular_series(p: Number, q: Number, force: Array) -> Array:
-    """Taylor coefficients (n, TERMS) of P about n instants.
+    """Taylor coefficients (n, TERMS), lowest power first, about n instants of a solution P of P'' = P + f.
 
-    `p` and `q` (n,) are P and P' there, and `force` (n, TERMS) are the Taylor coefficients of f.
+    `p` and `q` (n,) are P and P' there, and `force` (n, TERMS) are the Taylor coefficients of f. All are
+    nondimensional.
     """
     out = np.empty((len(force), TERMS))
     out[:, 0], out[:, 1] = p, q
@@ -35,7 +39,10 @@ def particular_series(p: Number, q: Number, force: Array) -> Array:
 
 
 def force_series(particular: Array) -> Array:
-    """Taylor coefficients (n, TERMS) of f = P'' - P from those of P, `particular` (n, TERMS)."""
+    """Taylor coefficients (n, TERMS) of f = P'' - P from those of P, `particular` (n, TERMS), lowest power first.
+
+    The last two lack P'', which would need two more terms of P.
+    """
     order = np.arange(1, TERMS - 1)
     out = -particular
     out[:, :-2] += order * (order + 1.0) * particular[:, 2:]
@@ -43,25 +50,30 @@ def force_series(particular: Array) -> Array:
 
 
 def particular_at(particular: Array, times: Array) -> tuple[Array, Array]:
-    """P and P', (n,) each, from Taylor coefficients `particular` (n, TERMS) about n instants.
+    """P and P', (n,) each, from Taylor coefficients `particular` (n, TERMS) of P about n instants, lowest power first.
 
-    `times` is the time since each of the instants, one number.
+    `times` is the nondimensional time since each of the instants: a number, the same for all.
     """
     order = np.arange(TERMS)
     return particular @ times**order, particular[:, 1:] @ (order[1:] * times ** order[:-1])
 
 
 def forced_response(p0: float, q0: float, p1: float, q1: float, duration: float) -> tuple[float, float]:
-    """Angle and velocity that a force adds at the end of a slender flight of a duration, all nondimensional.
+    """Angle and velocity, a tuple, that a force f adds up to the end of a slender flight x'' = x - s + f.
 
-    `p0`, `q0` are P and P' at the flight's begin, and `p1`, `q1` at its end; numbers, or arrays of one shape.
+    With P any solution of P'' = P + f, `p0`, `q0` are P and P' at the flight's begin, and `p1`, `q1` at its end;
+    numbers, or arrays of one shape, which the results have. `duration` is that of the flight; all are nondimensional.
     """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
 
 
 class AffineFlights(NamedTuple):
-    """Flights as maps z -> F z + shift: cosh and sinh of their time, and shifts (3, 2) with the side as first index."""
+    """Flights as maps z -> F z + shift of z = (angle, velocity), nondimensional.
+
+    `cosh` and `sinh` are those of the duration, and `shifts` (3, 2) has the shifts of angle and velocity; its first
+    index is the side, 1 or -1.
+    """
 
     cosh: float
     sinh: float
@@ -69,14 +81,15 @@ class AffineFlights(NamedTuple):
 
     @property
     def matrix(self) -> Array:
-        """F, shape (2, 2)."""
+        """F (2, 2), [[cosh, sinh], [sinh, cosh]], which acts on (angle, velocity)."""
         return np.array([[self.cosh, self.sinh], [self.sinh, self.cosh]])
 
 
 class ContactLaw(NamedTuple):
-    """What a side of a block has at zero angle: u'' = -gravity + part s f, and the part of noise on its way.
+    """What a side of a block has at zero angle: u'' = -gravity + part s f (u = s x), and the part of noise on its way.
 
-    `noise` is the mean of the factor of the force from zero angle to the saddle.
+    `noise` is the mean of the factor of the force from zero angle to the saddle. All are nondimensional, 1 for a
+    slender block.
     """
 
     gravity: float = 1.0
@@ -91,9 +104,11 @@ SLENDER_CONTACT = {-1: ContactLaw(), 1: ContactLaw()}
 def affine_flights(
     p0: float, q0: float, p1: float, q1: float, duration: float, contact: dict[int, ContactLaw] = SLENDER_CONTACT
 ) -> AffineFlights:
-    """Return the `AffineFlights` of both sides over a duration, nondimensional: u'' = u - gravity + part s f.
+    """Return the maps of (angle, velocity) by flights u'' = u - gravity + part s f of both sides over a duration.
 
-    `p0`, `q0` are P and P' at their begin, and `p1`, `q1` at their end. `contact` is a `ContactLaw` by side.
+    They are the named tuple `AffineFlights`: cosh and sinh of the duration, and shifts (3, 2) by side, 1 or -1. With P
+    a solution of P'' = P + f, `p0`, `q0` are P and P' at the flights' begin, and `p1`, `q1` at their end. `contact` has
+    for each side, -1 and 1, a `ContactLaw` with gravity and part. All are nondimensional.
     """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     shifts, ends = np.zeros((3, 2)), (p0, q0, p1, q1)
@@ -107,33 +122,40 @@ def affine_flights(
 def linear_force_response(duration: float) -> Array:
     """Angle and velocity (rows) that the forces 1 and t (columns), t since its begin, add to a flight: an array (2, 2).
 
-    `duration` is that of the flight, nondimensional.
+    `duration` is that of the slender flight; all are nondimensional.
     """
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return np.array([[cosh - 1.0, sinh - duration], [sinh, cosh - 1.0]])
 
 
 def cosh_sinh(duration: float) -> Array:
-    """Cosh and sinh (2,) of a duration: the matrix of a flight has the first on its diagonal, the second beside it."""
+    """Return the array [cosh, sinh] of a nondimensional `duration`.
+
+    The matrix of a slender flight has the first on its diagonal, and the second beside it.
+    """
     return np.array([math.cosh(duration), math.sinh(duration)])
 
 
 def impulse_response(left: Array) -> Array:
-    """Angle and velocity (2, ...) at the end of a slender flight, to a unit impulse at a time `left` (...) before."""
+    """Angle and velocity, an array (2, ...), at the end of a slender flight, that a unit impulse has caused.
+
+    `left` (...) is the nondimensional time from the impulse to the end; the two are its sinh and cosh.
+    """
     return np.stack([np.sinh(left), np.cosh(left)])
 
 
 def gravity_at_contact(critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
-    """Return -u'' at zero angle without a force: κ sin(α m)/α.
+    """Return -u'' of the folded angle u = s x at zero angle without a force, nondimensional: κ sin(α m)/α.
 
-    `critical_angle` is α, radians; `saddle` m and `scale` κ are those of the side, 1 of equal sides: then it is also
-    the mean of cos φ from there to the saddle.
+    `critical_angle` is α, radians; None or 0, a slender block, has 1. `saddle` m, the u of unstable balance, and
+    `scale` κ, a factor of the acceleration, are those of the side, 1 of equal sides: then it is also the mean of cos φ
+    from there to the saddle.
     """
     return scale * math.sin(critical_angle * saddle) / critical_angle if critical_angle else 1.0
 
 
 def contact_laws(block: Any) -> dict[int, ContactLaw]:
-    """Return the `ContactLaw` of each side of a `KernelBlock`, by side."""
+    """Return a dict of the named tuple `ContactLaw` (gravity, part, noise) of a `KernelBlock` by side, -1 and 1."""
     alpha, laws = block.critical_angle or 0.0, {}
     for side, saddle, scale in zip((-1, 1), block.saddles, block.scales, strict=True):
         gravity = gravity_at_contact(alpha, saddle, scale)
@@ -142,36 +164,38 @@ def contact_laws(block: Any) -> dict[int, ContactLaw]:
 
 
 def tilt_angle(angles: Array, critical_angle: float, saddle: Number = 1.0) -> Array:
-    """Angle φ (n, ...), radians, between the vertical and the line from the corner to the centre of mass.
+    """Angle φ (n, ...), radians, between the vertical and the line from the corner to the centre of mass: α (m - |x|).
 
-    `angles` (n, ...) are x, nondimensional, `critical_angle` is α, radians. `saddle` is m, the |x| of
-    unstable balance, 1 of equal sides, a number or an array. φ is negative beyond it.
+    `angles` (n, ...) are x, nondimensional, `critical_angle` is α, radians. `saddle` is m, the |x| of unstable balance,
+    1 of equal sides, a number or an array. φ is negative beyond it.
     """
     return critical_angle * (saddle - np.abs(angles))
 
 
 def force_factors(angles: Array, critical_angle: float, saddle: Number = 1.0, scale: Number = 1.0) -> Array:
-    """Part of the base's acceleration that turns the block, κ cos φ (n, ...), at angles x (n, ...), for α in radians.
+    """Factor κ cos φ (n, ...) with which the base's acceleration turns the block, at angles x (n, ...), nondimensional.
 
-    `saddle` m and `scale` κ are numbers or arrays, 1 of equal sides.
+    `critical_angle` is α in radians, and φ = α (m - |x|). `saddle` m and `scale` κ are numbers or arrays, 1 of equal
+    sides.
     """
     return scale * np.cos(tilt_angle(angles, critical_angle, saddle))
 
 
 def gravity_correction(angles: Array, sides: Array, critical_angle: float) -> Array:
-    """Gravity's part of the exact correction δ (n, ...), nondimensional, at angles x (n, ...) and for α > 0 in radians.
+    """Return what the exact gravity -s sin φ/α adds to that of a slender block, x - s: (n, ...), nondimensional.
 
-    `sides` (n, ...) are +1 or -1.
+    `angles` (n, ...) are x, nondimensional, `sides` (n, ...) are s, +1 or -1, and `critical_angle` is α > 0 in radians;
+    φ is α (1 - |x|).
     """
     phi = tilt_angle(angles, critical_angle)
     return -sides * (np.sin(phi) - phi) / critical_angle
 
 
 def largest_correction(force: float, critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
-    """Bound of the exact correction |δ| from zero angle to twice the saddle's, nondimensional.
+    """Bound, a float, of what the exact acceleration adds to x - s m + f, from zero angle to twice the saddle's.
 
-    `force` is the largest |f|, nondimensional; `critical_angle` is α, radians. Of a side with the `saddle` m and the
-    `scale` κ, the correction is to x'' = x - s m + f.
+    `force` is the largest |f|, nondimensional as the bound is; `critical_angle` is α, radians, and None or 0 gives 0.
+    Of a side, `saddle` m is the |x| of unstable balance and `scale` κ the factor of its acceleration.
     """
     if not critical_angle:
         return 0.0
@@ -180,10 +204,11 @@ def largest_correction(force: float, critical_angle: float | None, saddle: float
 
 
 def saddle_speed(force: float, critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
-    """Speed at zero angle from which a block just reaches the saddle, under a constant force s f up to lift-off.
+    """Nondimensional speed at zero angle from which a block just reaches the saddle, under a constant force.
 
-    `force` is s f, `critical_angle` α, radians, and `saddle` m and `scale` κ are those of the side. It is 1 - s f for a
-    slender block, and of equal sides 2 sin(α/2)/α without a force (the integral of u'' over the angle).
+    `force` is s f, up to that of lift-off, nondimensional; `critical_angle` is α, radians (None or 0: slender). Of the
+    side, `saddle` m is the |x| of unstable balance and `scale` κ the factor of the acceleration. The speed is max(1 - s
+    f, 0) for a slender block, and of equal sides 2 sin(α/2)/α without a force (the integral of u'' over the angle).
     """
     if not critical_angle:
         return max(1.0 - force, 0.0)
@@ -193,9 +218,10 @@ def saddle_speed(force: float, critical_angle: float | None, saddle: float = 1.0
 
 
 class SidesOfContact(NamedTuple):
-    """What the forces of the floor need of each side, (left, right): its saddle m, its scale κ, and p² R_s/g.
+    """What the forces of the floor need of each side, (left, right), nondimensional; by default those of a rectangle.
 
-    By default those of a rectangle.
+    `saddle` is m, the |x| of unstable balance, `scale` the factor κ of the acceleration, and `lever` is p² R_s/g with
+    the distance R_s from the corner to the centre of mass.
     """
 
     saddle: tuple[float, float] = (1.0, 1.0)
@@ -254,9 +280,9 @@ def contact_forces(
 
 
 def add_cosine(row: Array, instant: float, amplitude: float, frequency: float, phase: float) -> None:
-    """Add to `row` (TERMS,) the Taylor coefficients about an instant of A cos(Ωτ + Ψ) over its stiffness, 1 + Ω².
+    """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²) to `row` (TERMS,), lowest power first.
 
-    `amplitude` is A, `frequency` Ω, and `phase` Ψ, radians.
+    `instant` is τ there, `amplitude` A and `frequency` Ω are nondimensional, `phase` is Ψ, radians.
     """
     angle = frequency * instant + phase
     scale = amplitude / dynamic_stiffness(frequency)

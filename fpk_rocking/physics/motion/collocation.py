@@ -1,11 +1,10 @@
 """The exact block through an interval of a grid, fast: flights by Gauss-Legendre collocation, joined by impacts.
 
 With y = u - m, the folded angle from the saddle, and F = s f a flight is y'' = κ (sin(α y)/α + F cos(α y)); m = κ = 1
-for equal sides. The polynomial
-that obeys it at the `NODES` Gauss points of a time has at its end an error of order 2 `NODES` (E. Hairer, S. P.
-Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.7). Iteration by repeated integrals
-finds it: each round gains about three digits. The sine and cosine are those at a first guess, turned by the little
-angle from there, so that they cost a few products.
+for equal sides. The polynomial that obeys it at the `NODES` Gauss points of a time has at its end an error of order 2
+`NODES` (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.7). Iteration
+by repeated integrals finds it: each round gains about three digits. The sine and cosine are those at a first guess,
+turned by the little angle from there, so that they cost a few products.
 
 An impact is located on that polynomial, and the flight up to it is made anew, which gives its time and velocity the
 order of the end. It is accepted only where a bound of the acceleration proves that it is the first event. Everything
@@ -55,7 +54,7 @@ _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def lanes_times_table(m, a):
-    """Product (`Lanes`) of eight numbers `a`, `Lanes`, as a row, and a table `m` (NODES, NODES)."""
+    """Return the row `a` times the table `m` (NODES, NODES): a SIMD vector of NODES = 8 floats (`Lanes`), as `a`."""
     first = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
     second = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
     third = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
@@ -66,9 +65,10 @@ def lanes_times_table(m, a):
 def _iterate(table, factor, base, own, near, force, square, alpha, scale):
     """Find the accelerations at the points of a flight from a guess `near` of y = u - m there.
 
-    `base`, `near` and `force`, which is s f, are `Lanes` at the points; `square` is that of the duration, `alpha` α and
-    `scale` κ. y is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of what is returned first:
-    y'', less y if `own`. Return that, y, `Lanes` each, and whether the iteration has come to its end.
+    `Lanes` are SIMD vectors of eight floats, one a Gauss point. `base`, `near` and `force`, which is s f, are such;
+    `square` is the duration squared, `alpha` α, radians, and `scale` κ. y is `base` plus `factor` times the integrals,
+    by the `table` (NODES, NODES), of what is returned first: y'', less y if `own`. Return (that, y, converged):
+    `Lanes`, `Lanes`, and a bool, whether the iteration has come to its end. All are nondimensional.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -108,10 +108,11 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def fly_by_tables(u, w, side, force, tables, span, block):
-    """Carry a flight over the duration `span` of `tables`, its `FlightTables`; return as `fly_collocated`.
+    """Return (u, w, bend, converged) after a flight over the duration `span` of `tables`, a `FlightTables`.
 
-    `u`, `w` are the folded state at its begin, `force` is s f at the points, `Lanes`, and `block` an exact
-    `KernelBlock`.
+    `u`, `w`, floats, are s x and s v, at the begin and at the end; `bend`, as `Lanes`, SIMD vectors of eight floats, is
+    u'' at the Gauss points, `converged` whether the iteration has come to its end. `side` is s, +1 or -1, `force` is s
+    f at the points, `Lanes`, and `block` an exact `KernelBlock`. All are nondimensional.
     """
     alpha, middle, scale = block.critical_angle, saddle(side, block), acceleration_scale(side, block)
     cosh, y = load(tables.points, 0), u - middle
@@ -129,21 +130,21 @@ def fly_by_tables(u, w, side, force, tables, span, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def fly_collocated(u, w, side, force, span, block, near):
-    """Carry a flight over a time.
+    """Carry an exact block in flight over a time by collocation at eight Gauss points; all nondimensional.
 
     Parameters
     ----------
     u, w : float
-        Folded angle and velocity at its begin.
+        Folded angle s x and velocity s v at its begin.
     side : int
-        The side s.
+        The side s, +1 or -1.
     force : Lanes
-        Folded force s f at the points.
+        Folded force s f at the points, a SIMD vector of eight floats.
     span : float
         The time.
     block : KernelBlock
     near : Lanes
-        A guess of u - m at the points.
+        A guess of u - m at the points, m the folded angle of unstable balance.
 
     Returns
     -------
@@ -158,9 +159,10 @@ def fly_collocated(u, w, side, force, span, block, near):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _guess(u, w, side, begin, end, span, block):
-    """Guess of u - m at the points, `Lanes`, of a flight of duration `span`, for an acceleration linear in time.
+    """Return a guess of u - m at the Gauss points of a flight, `Lanes` (eight floats), for a cubic polynomial u = s x.
 
-    `u`, `w` are the folded state at its begin; `begin` and `end` are s f at the first and the last point.
+    `u`, `w` are s x and s v at its begin, `side` is s, +1 or -1, `begin` and `end` are s f at the first and the last
+    point, `span` is the duration, all nondimensional, and `block` a `KernelBlock`.
     """
     y, slope, c = u - saddle(side, block), span * w, load(POINTS, 0)
     square = acceleration_scale(side, block) * (span * span)
@@ -171,9 +173,9 @@ def _guess(u, w, side, begin, end, span, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _value(coefficients, terms, t):
-    """Values of a polynomial at eight times t, `Lanes`; even and odd powers apart, for speed.
+    """Return the values of a polynomial at eight times `t`, `Lanes` as `t` (SIMD vectors of eight floats).
 
-    `coefficients` are the first `terms` (even) of an array.
+    `coefficients` has `terms` (even) of them, lowest power first; even and odd powers are summed apart, for speed.
     """
     square = t * t
     even, odd = square * 0.0 + coefficients[terms - 2], square * 0.0 + coefficients[terms - 1]
@@ -184,10 +186,10 @@ def _value(coefficients, terms, t):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _expand(u, w, span, bend, scratch, angle):
-    """Write to `angle` (TERMS,) the coefficients of u in the time since the flight's middle, in halves of its duration.
+    """Write to `angle` (TERMS,) the coefficients of u = s x in the time since the flight's middle, lowest power first.
 
-    `u`, `w` are the folded state at the begin, `span` the duration, `bend` is u'' at the points, `Lanes`. Row 1 of
-    `scratch` (2, TERMS) is written to.
+    The unit of that time is half of the duration. `u`, `w` are s x and s v at the begin, `span` the duration, `bend` is
+    u'' at the Gauss points, `Lanes`, all nondimensional. Row 1 of `scratch` (2, TERMS) is written to.
     """
     half = 0.5 * span
     store(scratch, 1, (half * half) * (load(POINTS, 3) * lanes_times_table(MONOMIALS, bend)))
@@ -205,9 +207,9 @@ def _expand(u, w, span, bend, scratch, angle):
 
 @kernel(forceinline=True)
 def _without_begin(angle, quotient):
-    """Write to `quotient` (TERMS,) the quotient of a polynomial and the time since the flight's begin, t + 1.
+    """Write to `quotient` (TERMS,) the coefficients of a polynomial divided by t + 1; lowest power first.
 
-    `angle` (TERMS,) are the polynomial's coefficients in t; it is 0 at the begin, t = -1.
+    `angle` (TERMS,) are the polynomial's coefficients in t; it is 0 at the flight's begin, t = -1.
     """
     value = 0.0
     for k in range(TERMS - 1, 0, -1):
@@ -218,10 +220,10 @@ def _without_begin(angle, quotient):
 
 @kernel(forceinline=True)
 def _leaves(u, w, angle, last, fall, block):
-    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9.
+    """Whether a flight from x = 0 surely rises, a bool: its acceleration does, from 0 or more, but for 1e-9.
 
-    `u`, `w` are the folded state at the begin, `angle` (TERMS,) is what `_expand` wrote, `last` the folded angle at the
-    end, `fall` half of the bound of -u'', and `block` a `KernelBlock`.
+    `u`, `w` are s x and s v at the begin, `angle` (TERMS,) the coefficients of s x in time from -1 to 1 (`_expand`),
+    `last` is s x at the end, `fall` half of the bound of -u'' in that time, and `block` a `KernelBlock`.
     """
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
@@ -234,10 +236,11 @@ def _leaves(u, w, angle, last, fall, block):
 
 @kernel(forceinline=True)
 def _hop(u, w, side, force, start, until, block):
-    """Duration of a low hop from x = 0 up to the next impact, and the folded velocity then; 0, 0 if it may be long.
+    """Return (duration, w) of a low hop from x = 0 to the next impact, w = s v then; (0, 0) if it may be long.
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `block` is a `KernelBlock`. A
-    hop that takes more than half of the time up to `until` counts as long.
+    `u`, `w` are s x and s v at `start`, `side` is s, +1 or -1, `force` (TERMS,) are the coefficients of f, lowest power
+    first, in the time of `start`, `block` is a `KernelBlock`. A hop that takes more than half of the time up to `until`
+    counts as long. All are nondimensional.
     """
     if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
@@ -258,10 +261,11 @@ def _hop(u, w, side, force, start, until, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _flight(u, w, side, force, start, span, block):
-    """Carry a flight over the time `span` from `start`; return as `fly_collocated`.
+    """Return (u, w, bend, converged) after a flight over the time `span` from `start`, as `fly_collocated` does.
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, and `block` is a
-    `KernelBlock`.
+    `u`, `w`, floats, are s x and s v, `bend` is u'' at the Gauss points (`Lanes`), `converged` a bool. `side` is s, +1
+    or -1, `force` (TERMS,) are the coefficients of f, lowest power first, in the time of `start`, and `block` is a
+    `KernelBlock`. All are nondimensional.
     """
     push = side * _value(force, TERMS, start + span * load(POINTS, 0))
     near = _guess(u, w, side, total(push * load(POINTS, 4)), total(push * load(POINTS, 5)), span, block)
@@ -270,10 +274,11 @@ def _flight(u, w, side, force, start, span, block):
 
 @kernel(forceinline=True)
 def _event(u, w, last, angle, quotient, block):
-    """Return the first `Event` in a flight, UNKNOWN where no bound decides, and its place in the polynomial's time.
+    """Return (event, place): the first `Event` in a flight, UNKNOWN where no bound decides, and its time from -1 to 1.
 
-    `u`, `w` are the folded state at the begin, `last` is the folded angle at the end, `angle` (TERMS,) is what
-    `_expand` wrote, `quotient` (TERMS,) is written to, and `block` is a `KernelBlock`. The place is from -1 to 1.
+    That time is the one of the polynomial `angle` (TERMS,) that `_expand` wrote, -1 at the begin and 1 at the end. `u`,
+    `w` are s x and s v at the begin, `last` is s x at the end, `quotient` (TERMS,) is written to, and `block` is a
+    `KernelBlock`.
     """
     fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
@@ -291,11 +296,11 @@ def _event(u, w, last, angle, quotient, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _arrive(u, w, side, force, start, time, place, angle, block):
-    """Return duration and folded velocity of a flight up to its impact near `time` since `start`; or zeros.
+    """Return (duration, w), time and velocity s v of a flight up to its impact near `time` after `start`; or (0, 0).
 
-    `u`, `w` are the folded state at `start`, `force` (TERMS,) are the coefficients of f, `place` is `time` in the time
-    of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block` is a `KernelBlock`. Zeros say that the impact
-    is not within 1e-7 of `time`.
+    `u`, `w` are s x and s v at `start`, `side` is s, +1 or -1, `force` (TERMS,) are the coefficients of f, lowest power
+    first, `place` is `time` in the time (-1 to 1) of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block`
+    is a `KernelBlock`. Zeros say that the impact is not within 1e-7 of `time`.
     """
     places = load(POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
@@ -309,10 +314,10 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
 
 @kernel(forceinline=True)
 def _land(side, speed, force, half, time, block, impacts, origin, slow):
-    """Return x, v, side and time after an impact at a time of an interval, or those of rest.
+    """Return (x, v, side, time) after an impact at `time`, or those of rest, side 0, at the time of its begin.
 
-    `side` is that before the impact, `speed` its folded velocity, `force` (TERMS,) are the coefficients of f for |t| up
-    to `half`, `block` is a `KernelBlock`; `impacts`, `origin` and `slow` are as of `advance_through_events`.
+    `side`, ±1, is that before the impact, `speed` s v then, `force` (TERMS,) are the coefficients of f, lowest power
+    first, for |t| up to `half`; `block`, `impacts`, `origin` and `slow` are as of `advance_through_events`.
     """
     if impacts is not None:
         record_impact(impacts, origin + time, side * speed)
@@ -334,20 +339,19 @@ def advance_from_flight(
     Parameters
     ----------
     force : ndarray (TERMS,)
-        Coefficients of the force.
+        Coefficients of the force, a polynomial of time, lowest power first.
     half : float
         Largest |t| for which it is used.
-    x, v, side, start, end, block, impacts, origin
+    x, v, side, start, end, block, impacts, origin, slow
         As of `advance_through_events`; times are those of the polynomial.
     followed, last, speed, bend : bool, float, float, Lanes
-        Whether the flight from `start` to `end`, on over impacts, has been followed, and what `fly_collocated` gave.
-    slow : float
-        As of `advance_through_events`.
+        Whether the flight from `start` to `end`, on over impacts, has been followed, and what `fly_collocated` gave:
+        s x and s v at its end, and u'' at the Gauss points.
 
     Returns
     -------
     x, v, side, time : float, float, int, float
-        As of `advance_through_events`.
+        Angle, velocity and side (0 at rest) at `time`, which is `end` unless the block overturned earlier.
     """
     work, until, converged = _polynomials(), end, True
     angle, quotient = work[0], work[1]
@@ -386,9 +390,9 @@ def advance_from_flight(
 
 @kernel
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
-    """Carry an exact block through a part of an interval in which no flight is followed yet.
+    """Return (x, v, side, time) of an exact block carried from `start` to `end`, or until it overturns.
 
-    The arguments are those of `advance_from_flight`, without that flight, and so is what is returned.
+    The arguments are those of `advance_from_flight`, without its flight: none is followed yet.
     """
     nothing = load(POINTS, 0)
     return advance_from_flight(

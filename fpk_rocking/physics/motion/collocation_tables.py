@@ -12,10 +12,11 @@ NODES = WIDTH
 
 
 def _collocation():
-    """Return the points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them and 0 at others.
+    """Return Gauss points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them, 0 at others.
 
-    These are the double integrals up to the points [j, i], the coefficients [j, k] on [-1, 1], and rows by point: c,
-    the double and the single integral to 1, 1/((k + 1)(k + 2)), and ones at the first and at the last point.
+    The tuple is c; the polynomials' double integrals from 0 up to the points, (NODES, NODES) [polynomial, point]; their
+    coefficients on [-1, 1], lowest power first, (NODES, NODES) [polynomial, power]; and six rows (6, NODES): c, the
+    double and the single integral to 1, 1/((k + 1)(k + 2)), and the unit vectors of the first and the last point.
     """
     points, weights = gauss_legendre(NODES, -1.0, 1.0)
     lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
@@ -31,10 +32,11 @@ PLACES, INNER, MONOMIALS, POINTS = _collocation()
 
 
 class FlightTables(NamedTuple):
-    """Tables for flights over one duration: those without force, and what it adds, by the values of it at the points.
+    """Tables for flights u'' = u - m + a over one duration: without a, and what a adds by its values at the points.
 
-    `points` (4, NODES): cosh and sinh at the points; angle and velocity at the end by the value at a point. `inner`
-    (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at the end.
+    `points` (4, NODES): cosh and sinh of the time at the Gauss points; angle and velocity at the end that a unit value
+    of a at a point adds. `inner` (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at
+    the end.
     """
 
     points: np.ndarray
@@ -44,7 +46,10 @@ class FlightTables(NamedTuple):
 
 
 def flight_tables(span: float) -> FlightTables:
-    """Return the `FlightTables` of flights of the duration `span`, nondimensional."""
+    """Return the `FlightTables`, a named tuple of arrays over the Gauss points, of flights of the duration `span`.
+
+    The duration is nondimensional.
+    """
     points, weights = gauss_legendre(24, -1.0, 1.0)
     ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
     lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
@@ -57,13 +62,16 @@ def flight_tables(span: float) -> FlightTables:
 
 
 def _lagrange(j, places):
-    """Polynomial that is 1 at point j of `PLACES` and 0 at the others: values (n,) at `places` (n,) of [0, 1]."""
+    """Return values (n,), at `places` (n,) of [0, 1], of the polynomial that is 1 at `PLACES[j]`, 0 at the others."""
     others = np.delete(PLACES, j)
     return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
 
 
 def _economized(start):
-    """Return 9 coefficients in φ² of sin φ/φ (`start` 1) or cos φ (`start` 0), right to 1e-16 for |φ| <= π/2."""
+    """Return 9 polynomial coefficients, a tuple, lowest power of φ² first, of sin φ/φ (`start` 1) or cos φ (`start` 0).
+
+    They are right to 1e-16 for |φ| <= π/2.
+    """
     terms, most = 9, (0.5 * math.pi) ** 2
     angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
     values = np.sin(angles) / angles if start else np.cos(angles)

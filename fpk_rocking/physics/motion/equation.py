@@ -27,7 +27,11 @@ from fpk_rocking.physics.motion import LIFT_OFF, TERMS
 
 
 class UnequalSides(NamedTuple):
-    """Saddle m, scale κ of the acceleration, and restitution e of an impact that leaves a side: (left, right) each."""
+    """What differs by side: saddle m, scale κ of the acceleration, restitution e of an impact that leaves the side.
+
+    Each is a pair (left, right), nondimensional. At the saddle, the folded angle m, the centre of mass is over the
+    corner.
+    """
 
     saddle: tuple[float, float]
     scale: tuple[float, float]
@@ -35,7 +39,7 @@ class UnequalSides(NamedTuple):
 
 
 class KernelBlock(NamedTuple):
-    """A block as kernels take it: restitution e, and the angle whose first passage is overturning.
+    """A block as kernels take it: restitution e, and the angle whose first passage is overturning, nondimensional.
 
     `critical_angle` is α, radians, for the exact equation of motion, and None for that of a slender block. `sides` are
     those of a block that is not symmetric: its `restitution` is None. Kernels are compiled for each of these kinds.
@@ -48,17 +52,20 @@ class KernelBlock(NamedTuple):
 
     @property
     def saddles(self) -> tuple[float, float]:
-        """Saddles m, (left, right)."""
+        """Saddles m, (left, right): the |x| of unstable balance of each side, nondimensional."""
         return self.sides.saddle if self.sides else (1.0, 1.0)
 
     @property
     def scales(self) -> tuple[float, float]:
-        """Scales κ of the acceleration, (left, right)."""
+        """Scales κ, (left, right): factors of the acceleration on each side, nondimensional."""
         return self.sides.scale if self.sides else (1.0, 1.0)
 
 
 def block_of_scene(scene: Any) -> KernelBlock:
-    """Return the `KernelBlock` of a scene's block and overturning angle; a critical angle of 0 becomes None."""
+    """Return the named tuple `KernelBlock` of the block and the overturning angle of `scene`, a `Scene`.
+
+    It has restitution, cutoff, critical angle in radians (None in place of 0), and sides.
+    """
     block, cutoff = scene.block, scene.overturning.angle
     if block.symmetric:
         return KernelBlock(block.restitution, cutoff, block.critical_angle or None)
@@ -69,22 +76,28 @@ def block_of_scene(scene: Any) -> KernelBlock:
 def dispatch_on_block(slender: Callable[..., Any], exact: Callable[..., Any]) -> Callable[..., Any]:
     """Return one function of two kernels with the same arguments, of which the last is the `KernelBlock`.
 
-    It calls `slender` where the body's critical angle is None, else `exact`; in a compiled kernel the type decides
+    It calls `slender` where the block's critical angle is None, else `exact`; in a compiled kernel the type decides
     that.
     """
     return _dispatch("critical_angle", slender, exact)
 
 
 def dispatch_on_sides(equal: Callable[..., Any], unequal: Callable[..., Any]) -> Callable[..., Any]:
-    """Return one function of two kernels as `dispatch_on_block` does: `unequal` for a block of unequal sides."""
+    """Return one function of two kernels with the same arguments, of which the last is the `KernelBlock`.
+
+    It calls `equal` for a symmetric block, its `sides` being None, else `unequal`.
+    """
     return _dispatch("sides", equal, unequal)
 
 
 def _dispatch(field, without, with_it):
-    """Return one function of two kernels, the last argument a `KernelBlock`: `without` where its `field` is None."""
+    """Return one function of two kernels with the same arguments, of which the last is the `KernelBlock`.
+
+    It calls `without` where the block's attribute named `field` is None, else `with_it`.
+    """
 
     def either(*arguments):
-        """Call the kernel for the `KernelBlock`, the last argument, from Python."""
+        """Return what the kernel for the `KernelBlock`, the last argument, gives, from Python."""
         return (without if getattr(arguments[-1], field) is None else with_it)(*arguments)
 
     @overload(either, strict=False, inline="always")
@@ -102,43 +115,43 @@ def _dispatch(field, without, with_it):
 
 @kernel(forceinline=True)
 def _of_side(pair, side):
-    """Return the number of the side s from a `pair`, (left, right)."""
+    """Return the number of `side` from `pair`, (left, right): the right one for 1, the left one for -1."""
     return pair[1] if side > 0 else pair[0]
 
 
 @kernel(inline="always")
 def _equal_saddle(side, block):
-    """Folded angle at which the centre of mass of a symmetric block is over its corner: 1; no argument is used."""
+    """Return 1.0, the folded angle at which a symmetric block balances on its corner; no argument is used."""
     return 1.0
 
 
 @kernel(inline="always")
 def _unequal_saddle(side, block):
-    """Folded angle m at which the centre of mass of a `KernelBlock` is over the corner of the side s."""
+    """Return m, the folded angle at which a `KernelBlock`'s centre of mass is over the corner of `side`, 1 or -1."""
     return _of_side(block.sides.saddle, side)
 
 
 @kernel(inline="always")
 def _equal_scale(side, block):
-    """Factor κ of the acceleration of a symmetric block: 1; no argument is used."""
+    """Return 1.0, the factor κ of the acceleration of a symmetric block; no argument is used."""
     return 1.0
 
 
 @kernel(inline="always")
 def _unequal_scale(side, block):
-    """Factor κ of the acceleration of a `KernelBlock` on the side s."""
+    """Return κ, the factor of the acceleration of a `KernelBlock` on `side`, 1 or -1."""
     return _of_side(block.sides.scale, side)
 
 
 @kernel(inline="always")
 def _equal_restitution(side, block):
-    """Restitution of a symmetric `KernelBlock`; `side` is not used."""
+    """Return the restitution e, 0 to 1, of a symmetric `KernelBlock`; `side` is not used."""
     return block.restitution
 
 
 @kernel(inline="always")
 def _unequal_restitution(side, block):
-    """Restitution of a `KernelBlock` at an impact that leaves the side s."""
+    """Return the restitution e, 0 to 1, of a `KernelBlock` at an impact that leaves `side`, 1 or -1."""
     return _of_side(block.sides.restitution, side)
 
 
@@ -149,13 +162,19 @@ restitution_from = dispatch_on_sides(_equal_restitution, _unequal_restitution)
 
 @kernel(inline="always")
 def slender_acceleration(u, side, force, block):
-    """Folded acceleration u'' = u - 1 + s f, at the folded angle u under the force f; `block` is not used."""
+    """Return the folded acceleration u'' = u - 1 + s f at the folded angle u = s x, a float, nondimensional.
+
+    `side` is s, +1 or -1, and `force` is f; `block` is not used.
+    """
     return u - 1.0 + side * force
 
 
 @kernel(inline="always")
 def _exact_acceleration(u, side, force, block):
-    """Folded acceleration u'' = κ (-sin φ/α + s f cos φ) of a `KernelBlock`, at folded angle u under the force f."""
+    """Return the folded acceleration u'' = κ (-sin φ/α + s f cos φ) at the folded angle u = s x, nondimensional.
+
+    `side` is s, +1 or -1, and `force` is f; `block` is a `KernelBlock` with α, and φ = α (m - u).
+    """
     phi = block.critical_angle * (saddle(side, block) - u)
     pull = side * force * math.cos(phi) - math.sin(phi) / block.critical_angle
     return acceleration_scale(side, block) * pull
@@ -163,25 +182,31 @@ def _exact_acceleration(u, side, force, block):
 
 @kernel(inline="always")
 def _slender_force_factor(u, side, block):
-    """Factor of the force, and of noise, in u'': 1; no argument is used."""
+    """Return 1.0, the factor of the force, and of noise, in u'' of a slender block; no argument is used."""
     return 1.0
 
 
 @kernel(inline="always")
 def _exact_force_factor(u, side, block):
-    """Factor of the force, and of noise, in u'' of a `KernelBlock` at the folded angle u on the side s: κ cos φ."""
+    """Return κ cos φ, the factor of the force, and of noise, in u'' at the folded angle u = s x; nondimensional.
+
+    `side` is s, +1 or -1; `block` is a `KernelBlock` with α, and φ = α (m - u).
+    """
     return acceleration_scale(side, block) * math.cos(block.critical_angle * (saddle(side, block) - u))
 
 
 @kernel(inline="always")
 def _slender_acceleration_gradient(u, side, force, block):
-    """Change of u'' with u: 1; no argument is used."""
+    """Return 1.0, the derivative of u'' by the folded angle u of a slender block; no argument is used."""
     return 1.0
 
 
 @kernel(inline="always")
 def _exact_acceleration_gradient(u, side, force, block):
-    """Change of u'' of a `KernelBlock` with u, at the folded angle u under the force f: κ (cos φ + s f α sin φ)."""
+    """Return the derivative of u'' by the folded angle u = s x: κ (cos φ + s f α sin φ), a float, nondimensional.
+
+    `side` is s, +1 or -1, and `force` is f; `block` is a `KernelBlock` with α, and φ = α (m - u).
+    """
     phi = block.critical_angle * (saddle(side, block) - u)
     gradient = math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
     return acceleration_scale(side, block) * gradient
@@ -189,21 +214,21 @@ def _exact_acceleration_gradient(u, side, force, block):
 
 @kernel(inline="always")
 def _slender_lift_off_level(side, block):
-    """Largest s f under which a slender block at rest does not lift off to the side s; no argument is used."""
+    """Return 1.0, the largest s f under which a slender block at rest stays; no argument is used."""
     return LIFT_OFF
 
 
 @kernel(inline="always")
 def _exact_lift_off_level(side, block):
-    """Largest s f under which a `KernelBlock` at rest does not lift off to the side s: tan(m α)/α."""
+    """Return the largest s f under which a `KernelBlock` at rest does not lift off to `side`, s = ±1: tan(m α)/α."""
     return math.tan(block.critical_angle * saddle(side, block)) / block.critical_angle
 
 
 @kernel(inline="always")
 def slender_acceleration_bounds(side, low, high, block):
-    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `KernelBlock`.
+    """Return (fall, rise), bounds of -u'' and of u'' of a slender block, from x = 0 to the cut-off; nondimensional.
 
-    `low` and `high` bound f.
+    u = s x is the folded angle on `side`, s = ±1; `low` and `high` bound f; `block` is the `KernelBlock`.
     """
     if side > 0:
         return 1.0 - low, block.cutoff - 1.0 + high
@@ -212,9 +237,9 @@ def slender_acceleration_bounds(side, low, high, block):
 
 @kernel(inline="always")
 def _exact_acceleration_bounds(side, low, high, block):
-    """Bounds of -u'' and of u'' on the side s, from x = 0 to the cut-off of a `KernelBlock`.
+    """Return (fall, rise), bounds of -u'' and of u'' of an exact block, from x = 0 to the cut-off; nondimensional.
 
-    `low` and `high` bound f.
+    u = s x is the folded angle on `side`, s = ±1; `low` and `high` bound f; `block` is the `KernelBlock`.
     """
     alpha, middle, scale = block.critical_angle, saddle(side, block), acceleration_scale(side, block)
     begin, over = alpha * middle, alpha * (block.cutoff - middle)
@@ -233,10 +258,10 @@ acceleration_bounds = dispatch_on_block(slender_acceleration_bounds, _exact_acce
 
 
 class Segment(NamedTuple):
-    """Forcing over one segment of time, as a flight of a block needs it.
+    """Forcing over one segment of time, as a flight of a block needs it; nondimensional.
 
-    `particular` and `force` are coefficients (TERMS,) of P and of f = P'' - P in the time since the segment's start;
-    `force_low`, `force_high` bound f and `force_curvature` bounds |f''| over the segment.
+    `particular` and `force` are coefficients (TERMS,) of P and of f = P'' - P in the time since the segment's start,
+    lowest power first; `force_low`, `force_high` bound f and `force_curvature` bounds |f''| over the segment.
     """
 
     particular: np.ndarray
@@ -248,9 +273,9 @@ class Segment(NamedTuple):
 
 @kernel
 def force_bounds_over(force, duration):
-    """Return bounds of f below and above, and a bound of |f''|, for times up to `duration` on both sides of 0.
+    """Return (low, high, curvature), bounds of f and of |f''|, for times from -`duration` to `duration`.
 
-    `force` (TERMS,) are the coefficients of f.
+    `force` (TERMS,) are the coefficients of f, a polynomial of time, lowest power first.
     """
     spread, curvature, power = 0.0, 0.0, 1.0
     for k in range(1, TERMS):
@@ -263,9 +288,10 @@ def force_bounds_over(force, duration):
 
 @kernel
 def force_from_particular(particular, duration, force):
-    """Write the coefficients of f = P'' - P to `force` (TERMS,); return its bounds, as `force_bounds_over` does.
+    """Write the coefficients of f = P'' - P to `force` (TERMS,); return (low, high, curvature), bounds of f and |f''|.
 
-    `particular` (TERMS,) are the coefficients of P; the bounds hold for times up to `duration` on both sides of 0.
+    `particular` (TERMS,) are the coefficients of P, lowest power first; the bounds hold for times from -`duration` to
+    `duration`.
     """
     for k in range(TERMS):
         force[k] = -particular[k]
@@ -276,10 +302,10 @@ def force_from_particular(particular, duration, force):
 
 @kernel
 def force_bounds(particular, duration, low, high):
-    """Write bounds of n forces below, to `low` (n,), and above, to `high` (n,).
+    """Write bounds of n forces f = P'' - P below, to `low` (n,), and above, to `high` (n,).
 
-    `particular` (n, TERMS) are the coefficients of P of each; the bounds hold for times up to `duration` on both sides
-    of 0.
+    `particular` (n, TERMS) are the coefficients of P of each, lowest power first; the bounds hold for times from
+    -`duration` to `duration`.
     """
     scratch = np.empty(TERMS)
     for i in range(low.size):
@@ -288,29 +314,30 @@ def force_bounds(particular, duration, low, high):
 
 @kernel(inline="always")
 def segment_from_force(force, duration):
-    """Return the `Segment` of a force alone, for an exact block.
+    """Return the named tuple `Segment` (coefficients, bounds of f and |f''|) of a force alone, for an exact block.
 
-    `force` (TERMS,) are the coefficients of f; they stand in the place of P too, which an exact block does not use. The
-    bounds hold for times up to `duration` on both sides of 0.
+    `force` (TERMS,) are the coefficients of f, lowest power first; they stand in the place of P too, which an exact
+    block does not use. The bounds hold for times from -`duration` to `duration`.
     """
     return Segment(force, force, *force_bounds_over(force, duration))
 
 
 @kernel(inline="always")
 def segment_from_particular(particular, force, duration):
-    """Return the `Segment` of P, `particular` (TERMS,), with bounds of f for times up to `duration` on both sides of 0.
+    """Return the named tuple `Segment` (coefficients of P and f, bounds of f and |f''|) of f = P'' - P.
 
-    The coefficients of f are written to `force` (TERMS,), which the segment keeps. It hands on arrays, so it is made a
-    part of every kernel that calls it: some count references, some borrow.
+    `particular` (TERMS,) are the coefficients of P, lowest power first. Those of f are written to `force` (TERMS,),
+    which the segment keeps. The bounds hold for times from -`duration` to `duration`. The segment hands on arrays, so
+    this is made a part of every kernel that calls it: some count references, some borrow.
     """
     return Segment(particular, force, *force_from_particular(particular, duration, force))
 
 
 @kernel
 def particular_from_rest(force, particular):
-    """Write to `particular` (TERMS,) the P with P = P' = 0 at the time 0, for a force.
+    """Write to `particular` (TERMS,) the coefficients of the solution of P'' = P + f with P = P' = 0 at the time 0.
 
-    `force` (TERMS,) are the coefficients of f.
+    `force` (TERMS,) are those of f, a polynomial of time; lowest power first.
     """
     particular[0], particular[1] = 0.0, 0.0
     for k in range(TERMS - 2):
@@ -319,7 +346,10 @@ def particular_from_rest(force, particular):
 
 @kernel
 def move_origin(coefficients, t, out):
-    """Write to `out` (TERMS,) the coefficients, in the time since t, of the polynomial with `coefficients` (TERMS,)."""
+    """Write to `out` (TERMS,) the coefficients of a polynomial in the time since t; lowest power first.
+
+    `coefficients` (TERMS,) are those of the same polynomial in the time since 0.
+    """
     for k in range(TERMS):
         out[k] = coefficients[k]
     for k in range(TERMS - 1 if t != 0.0 else 0):
@@ -329,7 +359,10 @@ def move_origin(coefficients, t, out):
 
 @kernel(fastmath={"contract"})
 def value_and_slope(coefficients, t):
-    """Value and derivative at t of the polynomial with coefficients (TERMS,); even and odd powers apart, for speed."""
+    """Return (value, derivative) at t of the polynomial with `coefficients` (TERMS,), lowest power first.
+
+    Even and odd powers are summed apart, for speed.
+    """
     if t == 0.0:
         return coefficients[0], coefficients[1]
     square = t * t
@@ -345,9 +378,9 @@ def value_and_slope(coefficients, t):
 
 @kernel
 def least_closing_time(gap, slope, curvature):
-    """Least time in which a gap >= 0 can close, or inf; all nondimensional.
+    """Return the least time in which a gap >= 0 can close, a float, or inf; all nondimensional.
 
-    `slope` is the gap's derivative at the begin; `-curvature` bounds its second derivative from below.
+    `gap` is its size, `slope` its derivative at the begin; -`curvature` bounds its second derivative from below.
     """
     discriminant = slope * slope + 2.0 * curvature * gap
     if discriminant < 0.0:

@@ -31,7 +31,7 @@ CHATTER_TIME = 1e-6
 
 
 class Event(enum.IntEnum):
-    """What ends a flight: the segment's end, an impact, the cut-off angle, or what no bound decides about."""
+    """What ends a flight: the segment's end (NONE), an impact, the cut-off angle, or what no bound decides."""
 
     UNKNOWN = -1
     NONE = 0
@@ -43,9 +43,9 @@ _series = scratch(*SERIES)
 
 
 class ImpactRecord(NamedTuple):
-    """Room for the impacts of one block: `count` (1,), `time` and `velocity` (capacity,), the velocity before impact.
+    """Room for the impacts of one block: `count` (1,), `time` and `velocity` (capacity,), nondimensional.
 
-    Impacts beyond the capacity are counted and not kept.
+    `velocity` is that before impact. Impacts beyond the capacity are counted and not kept.
     """
 
     count: np.ndarray  # type: ignore[assignment]  # a field, in place of the method of a tuple
@@ -55,7 +55,10 @@ class ImpactRecord(NamedTuple):
 
 @kernel
 def record_impact(impacts, time, velocity):
-    """Add an impact's time and the velocity before it to `impacts`, an `ImpactRecord`."""
+    """Write `time` and `velocity`, just before an impact, to the arrays of `impacts`, an `ImpactRecord`, and count it.
+
+    Both are nondimensional. An impact beyond the record's capacity is only counted.
+    """
     place = impacts.count[0]
     if place < impacts.time.size:
         impacts.time[place] = time
@@ -71,19 +74,19 @@ def next_event(x, v, side, segment, start, end, block):
     Parameters
     ----------
     x, v : float
-        Angle (side * x >= 0) and velocity at `start`.
+        Angle (side * x >= 0) and velocity at `start`, nondimensional.
     side : int
         +1 or -1.
     segment : Segment
-        The forcing.
+        The forcing, as polynomials in the time since the segment's start.
     start, end : float
-        Times since the segment's start.
+        Times since the segment's start, nondimensional.
     block : KernelBlock
 
     Returns
     -------
     event, time, x, v : Event, float, float, float
-        NONE, IMPACT or OVERTURNING, and the state there; at an impact x is 0 and v still the velocity before it
+        NONE, IMPACT or OVERTURNING, and the state at that time; at an impact x is 0 and v still the velocity before it
         (0 for a block in contact, slower than `SPEED_FLOOR`).
     """
     cutoff, work = block.cutoff, _series()
@@ -117,15 +120,16 @@ def next_event(x, v, side, segment, start, end, block):
 
 @kernel(inline="always")
 def can_lift_off(low, high, block):
-    """Whether a force f between `low` and `high` may lift a `KernelBlock` off that is at rest."""
+    """Whether a force f, from `low` to `high`, nondimensional, may lift off a `KernelBlock` at rest: a bool."""
     return high >= lift_off_level(1, block) or -low >= lift_off_level(-1, block)
 
 
 @kernel
 def chord_clearance(side, low, high, span, block):
-    """How far a flight may leave the chord between its ends below and above it: bounds of |u''| times span² / 8.
+    """How far, at most, a flight's folded angle u = s x goes below and above the chord between its ends: two floats.
 
-    `low` and `high` bound f over the flight, `span` is its duration and `block` a `KernelBlock`.
+    They are bounds of |u''| times span² / 8. `side` is s, +1 or -1, `low` and `high` bound f over the flight, `span` is
+    its duration, all nondimensional, and `block` a `KernelBlock`.
     """
     fall, rise = acceleration_bounds(side, low, high, block)
     sag = 0.125 * span * span
@@ -134,10 +138,10 @@ def chord_clearance(side, low, high, span, block):
 
 @kernel
 def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
-    """Whether a flight surely keeps the distance `margin` from x = 0 and from the cut-off.
+    """Whether a flight surely keeps the distance `margin` from x = 0 and from the cut-off: a bool.
 
-    `u` and `end` are the folded angles at its ends, `low` and `high` bound f, `span` is its duration, `block` a
-    `KernelBlock`.
+    `u` and `end` are the folded angles s x at its ends, `side` is s, +1 or -1, `low` and `high` bound f, `span` is its
+    duration, all nondimensional, and `block` a `KernelBlock`.
     """
     below, above = chord_clearance(side, low, high, span, block)
     return min(u, end) - below > margin and max(u, end) + above < block.cutoff - margin
@@ -145,9 +149,10 @@ def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
 
 @kernel(inline="always")
 def folded_angle_bounds(u, w, side, low, high, span, block):
-    """Least and greatest folded angle after a time `span` of a flight without event.
+    """Bounds (least, greatest), two floats, of the folded angle u = s x after a time `span` of a flight without event.
 
-    `u`, `w` are the folded state at its begin, `low` and `high` bound f, and `block` is a `KernelBlock`.
+    `u`, `w` are s x and s v at its begin, `side` is s, +1 or -1, `low` and `high` bound f, all nondimensional, and
+    `block` is a `KernelBlock`.
     """
     fall, rise = acceleration_bounds(side, low, high, block)
     half, straight = 0.5 * span * span, u + span * w
@@ -156,11 +161,12 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 
 @kernel
 def lift_off_time(segment, start, end, block):
-    """First time in [start, end] at which a block at rest lifts off, and the side it goes to; `end` and 0 if it stays.
+    """Return (time, side): when in [start, end] a block at rest lifts off, and to which side, ±1; else (end, 0).
 
-    Times count from the start of a `Segment`; `block` is a `KernelBlock`. |f| must pass its level by more than
-    a margin, a thousand times the rounding of f: the block then surely leaves, and whoever asks again at the same time
-    gets the same answer. The march heads for twice the margin, so its steps cannot dwindle to nothing.
+    Times are nondimensional and count from the start of `segment`, a `Segment` of the forcing; `block` is a
+    `KernelBlock`. |f| must pass its level by more than a margin, a thousand times the rounding of f: the block then
+    surely leaves, and whoever asks again at the same time gets the same answer. The march heads for twice the margin,
+    so its steps cannot dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
     left, right = lift_off_level(-1, block), lift_off_level(1, block)
@@ -177,11 +183,12 @@ def lift_off_time(segment, start, end, block):
 
 @kernel
 def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
-    """Decide what follows an impact: flight (side, 0), or after a delay rest (0, delay), which may end at once.
+    """Return (side, delay) of what follows an impact: (side, 0.0) for flight, (0, delay) for rest after a time `delay`.
 
-    `speed` is that just after the impact, `side` the side it leads to, `time` that of the impact since the start of a
-    `Segment`, and `block` a `KernelBlock`. Chatter is summed where it ends within `slow` under a force that changes by
-    less than a hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped.
+    Rest may end at once. `speed` is |v| just after the impact, `side` (1 or -1) the side it leads to, `time` that of
+    the impact since the start of `segment`, a `Segment`, all nondimensional, and `block` a `KernelBlock`. Chatter is
+    summed, as a delay, where it ends within the time `slow` under a force that changes by less than a hundredth of its
+    distance to lift-off. Speeds below `SPEED_FLOOR` are dropped: (0, 0.0).
     """
     force, slope = value_and_slope(segment.force, time)
     gap = min(lift_off_level(1, block) - force, lift_off_level(-1, block) + force)
@@ -205,7 +212,7 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
     segment : Segment
         The forcing; times count from its start.
     start, end : float
-        Times since the segment's start.
+        Nondimensional times since the segment's start.
     block : KernelBlock
     impacts : ImpactRecord, optional
         Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
@@ -240,10 +247,11 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
 
 @kernel(fastmath={"contract", "reassoc"}, forceinline=True)
 def curvature_bounds(folded, bend):
-    """Half of the bounds of -u'' and of u'' over an interval, at least 0.
+    """Return (fall, rise), at least 0: half of the bounds of -u'' and of u'' over an interval, for a polynomial u.
 
-    `folded` (TERMS,) are the coefficients of u in the time since the middle, and `bend` (TERMS,) is, for k > 2,
-    k (k - 1) times the half of the interval's duration to the power k - 2, else 0.
+    `folded` (TERMS,) are the coefficients of u, lowest power first, in the time since the middle, and `bend` (TERMS,)
+    is, for k > 2, k (k - 1) times the half of the interval's duration to the power k - 2, else 0. All are
+    nondimensional.
     """
     spread = 0.0
     for k in range(folded.size):
@@ -253,9 +261,9 @@ def curvature_bounds(folded, bend):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def downward_root(q, half):
-    """Time in [-half, half] at which a polynomial falls through zero, and its slope there; 0, 0 if none is found.
+    """Return (t, slope): a time in [-half, half] at which a polynomial falls through zero, and its slope there.
 
-    `q` (TERMS,) are its coefficients.
+    (0.0, 0.0) says that none is found. `q` (TERMS,) are its coefficients, lowest power first.
     """
     square = q[1] * q[1] - 4.0 * q[2] * q[0]
     if square <= 0.0:
@@ -284,10 +292,10 @@ def downward_root(q, half):
 
 @kernel(forceinline=True)
 def chord_excludes_event(u, end, square, rise, fall, cutoff):
-    """Whether a flight surely has no event between its ends: the parabolas over its chord tell.
+    """Whether a flight surely has no event between its ends, a bool: the parabolas over its chord tell.
 
-    `u` and `end` are the folded angles at its ends, `square` is that of its duration, `rise` and `fall` are half of the
-    bounds of u'' and -u'', and `cutoff` is the angle of overturning.
+    `u` and `end` are the folded angles s x at its ends, `square` is its duration squared, `rise` and `fall` are half of
+    the bounds of u'' and -u'', and `cutoff` is the angle of overturning; all are nondimensional.
     """
     higher, lower = max(u, end), min(u, end)
     return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff

@@ -39,9 +39,10 @@ dynamic_stiffness = kernel(inline="always")(plain_dynamic_stiffness)
 
 @kernel(forceinline=True)
 def exponential_parts(x, v, side, particular, t):
-    """Growing and decaying part at t of y = x - s - P, for a slender flight that is at (x, v) then.
+    """Return (grow, decay), the exponential parts at t of a slender flight that is at (x, v) then.
 
-    `particular` (TERMS,) are the coefficients of P.
+    Their sum is y = x - s - P, their difference y'. `side` is s, +1 or -1; `particular` (TERMS,) are the coefficients,
+    lowest power first, of P, a solution of P'' = P + f, in the time of t. All are nondimensional.
     """
     p, q = value_and_slope(particular, t)
     y, z = x - side - p, v - q
@@ -50,9 +51,10 @@ def exponential_parts(x, v, side, particular, t):
 
 @kernel(forceinline=True)
 def state_from_exponentials(grow, decay, side, particular, t):
-    """Angle and velocity of a slender flight at t: the inverse of `exponential_parts`.
+    """Return (x, v), angle and velocity of a slender flight at t: the inverse of `exponential_parts`.
 
-    `grow` and `decay` are its parts at t, and `particular` (TERMS,) are the coefficients of P.
+    `grow` and `decay` are the exponential parts of x - s - P at t, `side` is s, +1 or -1, and `particular` (TERMS,) are
+    the coefficients of P, lowest power first. All are nondimensional.
     """
     p, q = value_and_slope(particular, t)
     return side + p + grow + decay, q + grow - decay
@@ -60,12 +62,18 @@ def state_from_exponentials(grow, decay, side, particular, t):
 
 @kernel(inline="always")
 def folded_angle(side, p, grow, decay):
-    """Folded angle u of a slender flight at an instant, from P, `p`, and its growing and decaying part then."""
+    """Return the folded angle u = s x of a slender flight at an instant, a float.
+
+    `side` is s, +1 or -1, `p` is P, and `grow` and `decay` are the exponential parts of x - s - P then, nondimensional.
+    """
     return 1.0 + side * (p + grow + decay)
 
 
 class SlenderFlight(NamedTuple):
-    """A slender flight: growing and decaying part at `begin`, and bounds of -u'' and u'' up to `end`."""
+    """A slender flight: its times from `begin` to `end`, bounds `fall` of -u'' and `rise` of u'' (u = s x) over them.
+
+    `grow` and `decay` are the exponential parts of x - s - P at `begin`. All are nondimensional.
+    """
 
     begin: float
     end: float
@@ -77,9 +85,10 @@ class SlenderFlight(NamedTuple):
 
 @kernel(forceinline=True)
 def _start_slender(x, v, side, segment, start, end, work, block):
-    """Return the `SlenderFlight` from (x, v) at `start` to `end`, times since the start of a `Segment`.
+    """Return the named tuple `SlenderFlight` of a flight from (x, v) at `start`: bounds of u'', exponential parts.
 
-    `block` is a `KernelBlock`; `work` is not used.
+    `side` is s, +1 or -1; `start` and `end` are times since the start of `segment`, a `Segment`; all are
+    nondimensional. `block` is a `KernelBlock`; `work` is not used.
     """
     p, q = value_and_slope(segment.particular, start)
     fall, rise = slender_acceleration_bounds(side, segment.force_low, segment.force_high, block)
@@ -88,17 +97,20 @@ def _start_slender(x, v, side, segment, start, end, work, block):
 
 @kernel(forceinline=True)
 def _slender_state(flight, side, segment, t, work, block):
-    """Angle and velocity of a `SlenderFlight` at t since the start of a `Segment`; `work` and `block` are not used."""
+    """Return (x, v), angle and velocity at t of `flight`, a `SlenderFlight` on the side s, +1 or -1, nondimensional.
+
+    `t` counts from the start of `segment`, a `Segment`; `work` and `block` are not used.
+    """
     factor = math.exp(t - flight.begin)
     return state_from_exponentials(flight.grow * factor, flight.decay / factor, side, segment.particular, t)
 
 
 @kernel(forceinline=True)
 def _slender_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' of a `SlenderFlight` surely stays >= 0 from t on; -1 where u'' < 0 at t.
+    """Time for which u'' of a slender flight surely stays >= 0 from t on, nondimensional; -1.0 where u'' < 0 at t.
 
-    `u` is the folded angle at t, which counts from the start of a `Segment`; `block` is a `KernelBlock`; `work` is not
-    used.
+    `flight` is a `SlenderFlight`, `u` = s x the folded angle at `t`, which counts from the start of `segment`, a
+    `Segment`; `side` is s, +1 or -1, and `block` a `KernelBlock`; `work` is not used.
     """
     force, jerk = value_and_slope(segment.force, t)
     rising = slender_acceleration(u, side, force, block)
@@ -107,9 +119,9 @@ def _slender_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def slender_flight_end(x, v, side, segment, start, end, block):
-    """Angle and velocity at `end` of a slender flight that is at (x, v) at `start`.
+    """Return (x, v), angle and velocity at `end`, of a slender flight that is at (x, v) at `start`, nondimensional.
 
-    The times count from the start of a `Segment`; `block`, a `KernelBlock`, is not used.
+    The times count from the start of `segment`, a `Segment`; `side` is +1 or -1; `block`, a `KernelBlock`, is not used.
     """
     p, q = value_and_slope(segment.particular, start)
     factor = math.exp(end - start)
@@ -126,7 +138,10 @@ _series = scratch(*SERIES)
 
 
 class ExactFlight(NamedTuple):
-    """An exact flight: its series holds from `begin` to `end`, with these bounds of -u'', u'' and of |u''''|."""
+    """An exact flight: its series holds from `begin` to `end`.
+
+    `fall`, `rise` and `snap` are bounds of -u'', u'' and |u''''| (u = s x) over these times. All are nondimensional.
+    """
 
     begin: float
     end: float
@@ -137,10 +152,11 @@ class ExactFlight(NamedTuple):
 
 @kernel
 def _expand(u, w, side, force, t, span, block, work):
-    """Write to `work` (4, TERMS) the series of u, sin φ, cos φ and s f about t; return for how long that of u holds.
+    """Write Taylor series of a flight about t to `work` (4, TERMS); return for how long, a float, that of u holds.
 
-    `u`, `w` are the folded state at t, `force` (TERMS,) are the coefficients of f and `block` is a `KernelBlock`. The
-    series ends where its terms are below rounding at the end of `span`, for which it then holds.
+    The rows are u = s x, sin φ, cos φ and s f, with φ = α (m - u), lowest power first. `u`, `w` are s x and s v at t,
+    `side` is s, +1 or -1, `force` (TERMS,) are the coefficients of f and `block` is a `KernelBlock`. The series ends
+    where its terms are below rounding at the end of the time `span`, for which it then holds. All are nondimensional.
     """
     angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
     move_origin(force, t, push)
@@ -173,10 +189,11 @@ def _expand(u, w, side, force, t, span, block, work):
 
 @kernel
 def _start_exact(x, v, side, segment, start, end, work, block):
-    """Return the `ExactFlight` from (x, v) at `start`, which ends at `end`, or earlier where its series ceases to hold.
+    """Return the named tuple `ExactFlight` (times, bounds of u'' and u'''') of a flight from (x, v) at `start`.
 
-    The series is written to `work`, of the shape `SERIES`; `start` and `end` count from the start of a `Segment`, and
-    `block` is a `KernelBlock`.
+    It ends at `end`, or earlier where its series ceases to hold. The series is written to `work`, of the shape
+    `SERIES`, (4, TERMS); `side` is +1 or -1, `start` and `end` count from the start of `segment`, a `Segment`, and
+    `block` is a `KernelBlock`. All are nondimensional.
     """
     reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
@@ -193,9 +210,9 @@ def _start_exact(x, v, side, segment, start, end, work, block):
 
 @kernel
 def _exact_state(flight, side, segment, t, work, block):
-    """Angle and velocity at t of an `ExactFlight` whose series is in `work` (4, TERMS).
+    """Return (x, v), angle and velocity at t of `flight`, an `ExactFlight` whose series is in `work` (4, TERMS).
 
-    `segment` and `block` are not used.
+    `side` is +1 or -1, `t` counts from the segment's start; all are nondimensional. `segment` and `block` are not used.
     """
     u, w = value_and_slope(work[0], t - flight.begin)
     return side * u, side * w
@@ -203,9 +220,10 @@ def _exact_state(flight, side, segment, t, work, block):
 
 @kernel
 def _exact_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' of an `ExactFlight` surely stays >= 0 from t on, within the series; -1 where u'' < 0 at t.
+    """Time for which u'' of an exact flight surely stays >= 0 from t on, within the series; -1.0 where u'' < 0 at t.
 
-    The flight's series is in `work` (4, TERMS); `u`, `segment` and `block` are not used.
+    `flight` is an `ExactFlight` whose series is in `work` (4, TERMS); `t` counts from the segment's start, and u is s
+    x; all are nondimensional. `u`, `side`, `segment` and `block` are not used.
     """
     angle, since = work[0], t - flight.begin
     rising, jerk = 0.0, 0.0
@@ -217,9 +235,9 @@ def _exact_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def _exact_flight_end(x, v, side, segment, start, end, block):
-    """Angle and velocity at `end` of an exact flight that is at (x, v) at `start`.
+    """Return (x, v), angle and velocity at `end`, of an exact flight that is at (x, v) at `start`, nondimensional.
 
-    The times count from the start of a `Segment`; `block` is a `KernelBlock`.
+    The times count from the start of `segment`, a `Segment`; `side` is +1 or -1, and `block` is a `KernelBlock`.
     """
     work, t, u, w = _series(), start, side * x, side * v
     while t < end:
@@ -237,9 +255,10 @@ flight_end = dispatch_on_block(slender_flight_end, _exact_flight_end)
 
 @kernel
 def unstable_coordinate(u, w, side, particular, t):
-    """Coordinate z = u + w - 1 - s (P + P') at t: above 0 a slender flight without noise or impact escapes.
+    """Return z = u + w - 1 - s (P + P') at t, a float: above 0 a slender flight without noise or impact escapes.
 
-    `u`, `w` are the folded state, and `particular` (TERMS,) are the coefficients of P.
+    `u`, `w` are s x and s v, `side` is s, +1 or -1, and `particular` (TERMS,) are the coefficients, lowest power first,
+    of P, a solution of P'' = P + f. All are nondimensional.
     """
     value, slope = value_and_slope(particular, t)
     return u + w - 1.0 - side * (value + slope)
@@ -247,15 +266,18 @@ def unstable_coordinate(u, w, side, particular, t):
 
 @kernel(inline="always")
 def homogeneous_flight(y, v, cosh, sinh):
-    """Return `y` = x - s and `v` of a slender block after a time with this cosh and sinh, without the force's part."""
+    """Return (y, v) of a slender block without force after a time t, from `y` = x - s and `v`; nondimensional.
+
+    `cosh` and `sinh` are those of t.
+    """
     return cosh * y + sinh * v, sinh * y + cosh * v
 
 
 @kernel(inline="always")
 def apply_affine(x, v, affine):
-    """Angle and velocity after a flight from (x, v).
+    """Return (x, v), angle and velocity after a flight from (x, v), nondimensional.
 
-    `affine` is the flight as an affine map, a tuple of its cosh, its sinh, and its shift (2,).
+    `affine` is the flight as an affine map, a tuple of the cosh and the sinh of its duration and its shift (2,).
     """
     cosh, sinh, shift = affine
     return shift[0] + cosh * x + sinh * v, shift[1] + sinh * x + cosh * v
@@ -263,9 +285,9 @@ def apply_affine(x, v, affine):
 
 @kernel(fastmath={"contract"})
 def runge_kutta_coefficients(h):
-    """Return what a step of the classical method of order 4 has in place of cosh h, sinh h and cosh h - 1.
+    """Return what a step `h` of the classical Runge-Kutta method has in place of cosh h, sinh h and cosh h - 1.
 
-    `h` is the step, nondimensional.
+    It is that of order 4, for x'' = x - s + f; three floats. `h` is the time step, nondimensional.
     """
     keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
     return keep, swap, h * h * (3.0 + 0.25 * h * h) / 6.0
@@ -273,7 +295,11 @@ def runge_kutta_coefficients(h):
 
 @kernel(fastmath={"contract"})
 def runge_kutta_forcing(begin, middle, end, h):
-    """Angle and velocity that a force adds to a step h of that method, by f at the step's begin, middle and end."""
+    """Return (x, v), angle and velocity that a force adds in a step `h` of the classical Runge-Kutta method.
+
+    The equation is x'' = x - s + f. `begin`, `middle` and `end` are f at the step's begin, middle and end; all are
+    nondimensional.
+    """
     x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
     return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
 
@@ -306,9 +332,10 @@ def flight_covariance(diffusion, duration):
 
 @kernel
 def covariance_factor(diffusion, duration):
-    """Cholesky factor xx, vx, vv of the covariance of a flight, to rounding (`flight_covariance`).
+    """Return (xx, vx, vv), the lower Cholesky factor [[xx, 0], [vx, vv]] of `flight_covariance`, to rounding.
 
-    `diffusion` is D and `duration`, at most 0.1, the flight time; both nondimensional.
+    That is the covariance of angle and velocity after a flight under white noise. `diffusion` is D and `duration`, at
+    most 0.1, the flight time; both nondimensional.
     """
     root, square = math.sqrt(diffusion * duration), duration * duration
     xx = 1.0 + square * (1.0 / 10.0 + square * (19.0 / 4200.0 + square * (29.0 / 378000.0)))
@@ -322,23 +349,27 @@ def covariance_factor(diffusion, duration):
 
 
 def accumulated_covariance(weights: Array, left: Array) -> tuple[Array, Array, Array]:
-    """Covariance xx, xv, vv, (...) each, that noise gathers in a slender flight.
+    """Covariance (xx, xv, vv) of angle and velocity, (...) each, that noise gathers in a slender flight.
 
-    `weights` (..., n) are its strengths 2 D dt, at times `left` (n,) before the flight's end.
+    `weights` (..., n) are its strengths 2 D dt, at times `left` (n,) before the flight's end; all are nondimensional.
     """
     sinh, cosh = np.sinh(left), np.cosh(left)
     return weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
 
 
 def flight_shears(duration: float) -> tuple[float, float]:
-    """Shears (angle by velocity, velocity by angle) of which a flight of a duration is made: first, second, first."""
+    """Return (tanh(t/2), sinh t), the shears of which a slender flight of the duration t is made, in the order 1, 2, 1.
+
+    The first adds tanh(t/2) v to x - s, the second sinh t (x - s) to v. `duration` is t, nondimensional.
+    """
     return math.tanh(0.5 * duration), math.sinh(duration)
 
 
 def shear_diffusion_variances(diffusion: float, duration: float) -> tuple[float, float]:
-    """Variances by which velocity and angle (twice) diffuse between the three shears of a flight (docs/theory).
+    """Return (velocity's, angle's): the variances by which noise spreads each between the shears of a flight.
 
-    `diffusion` is D and `duration` the flight time, nondimensional.
+    The velocity is spread once, the angle twice (docs/theory). `diffusion` is D and `duration` the flight time,
+    nondimensional.
     """
     shear, sinh = flight_shears(duration)
     if duration < 0.1:

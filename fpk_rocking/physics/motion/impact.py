@@ -18,33 +18,39 @@ from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_fli
 
 @kernel(inline="always")
 def velocity_after_impact(velocity, restitution):
-    """Velocity just after an impact: the block passes through zero angle with the fraction e of its velocity.
+    """Return the velocity just after an impact, e times that before it, a float: the block passes through zero angle.
 
-    `velocity` is that just before it, with its sign, and `restitution` is e.
+    `velocity` is that just before it, with its sign, nondimensional, and `restitution` is e, 0 to 1.
     """
     return restitution * velocity
 
 
 @kernel(inline="always")
 def velocity_jump(velocity, restitution):
-    """Change of the velocity at an impact: that after it less that before it, `velocity`; `restitution` is e."""
+    """Return the change of the velocity at an impact, after less before, a float: (e - 1) `velocity`.
+
+    `velocity` is that before it, with its sign, nondimensional, and `restitution` is e.
+    """
     return (restitution - 1.0) * velocity
 
 
 @kernel(inline="always")
 def impact_jump(pull, far_pull, speed, restitution):
-    """Change of the velocity after an impact with the angle before it: the entry (v, x) of the saltation matrix.
+    """Return the entry of the saltation matrix [[e, 0], [jump, e]] by which a displaced angle changes the velocity.
 
-    The matrix is [[e, 0], [jump, e]], by the accelerations `pull` before and `far_pull` after the impact and the
-    velocity `speed` before it: a displaced path meets x = 0 earlier or later, and has the other side's acceleration
-    meanwhile.
+    A displaced path meets x = 0 earlier or later, and has the other side's acceleration meanwhile. `pull` is the
+    acceleration before and `far_pull` that after the impact, `speed` the velocity before it, all with their signs,
+    nondimensional; `restitution` is e. The matrix acts on (angle, velocity).
     """
     return (far_pull - restitution * pull) / speed
 
 
 @kernel
 def side_of_start(x, v):
-    """Side (1, -1 or 0) at a start: that of the angle, else of the velocity, else 0 for rest, which may end at once."""
+    """Return the side at a start (x, v): 1 or -1, the sign of x, or of v if x is 0; 0, at rest, if both are 0.
+
+    Rest may end at once. `x` and `v` are angle and velocity, nondimensional.
+    """
     if x == 0.0:
         return 0 if v == 0.0 else (1 if v > 0.0 else -1)
     return 1 if x > 0.0 else -1
@@ -54,23 +60,23 @@ def side_of_start(x, v):
 def chatter_time(speed, side, force, block):
     """Time in which ever smaller bounces bring a block to rest, under a force held constant (a geometric sum).
 
-    A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' at zero angle, which is 1 - s f
-    for a slender block; the next one starts at e w on the other side.
+    A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' (u = s x) at zero angle, which is 1 - s
+    f for a slender block; the next one starts at e w on the other side.
 
     Parameters
     ----------
     speed : float
         Speed just after an impact, nondimensional.
     side : int
-        The side s that the impact leads to.
+        The side s, +1 or -1, that the impact leads to.
     force : float
-        The forcing f.
+        The forcing f, nondimensional.
     block : KernelBlock
 
     Returns
     -------
     float
-        The time to rest; inf where the force or e = 1 allows no rest.
+        The nondimensional time to rest; inf where the force or e = 1 allows no rest.
     """
     near, far = -acceleration(0.0, side, force, block), -acceleration(0.0, -side, force, block)
     leaving, returning = restitution_from(side, block), restitution_from(-side, block)
@@ -81,6 +87,8 @@ def chatter_time(speed, side, force, block):
 
 class LinearizedImpact(NamedTuple):
     """An impact of an undisturbed path, and its motion next to it, by which displacements are carried through.
+
+    All are those of x = angle, with their signs, nondimensional.
 
     Parameters
     ----------
@@ -105,10 +113,10 @@ class LinearizedImpact(NamedTuple):
 
 @kernel
 def linearize_impact(speed, side, force, slope, block):
-    """Return the `LinearizedImpact` of a `KernelBlock`, all nondimensional.
+    """Return the named tuple `LinearizedImpact`: velocities, accelerations and their gradients on either side of one.
 
-    `speed` is the velocity before the impact, with its sign, `side` that before it, `force` and `slope` are f and f'
-    then.
+    `speed` is the velocity before the impact, with its sign, `side` (+1 or -1) the side that it leaves, `force` and
+    `slope` are f and df/dτ then, all nondimensional; `block` is a `KernelBlock`.
     """
     return LinearizedImpact(
         speed, velocity_after_impact(speed, restitution_from(side, block)),
@@ -125,9 +133,9 @@ def covariance_through_impact(diffusions, before, after, impact, restitution):
     Parameters
     ----------
     diffusions : tuple (float, float)
-        D, as it moves the block before the impact and after it.
+        D, as it moves the block before the impact and after it; nondimensional, as all here.
     before, after : float
-        The times before and after the impact.
+        Duration of the flight before the impact and of that after it.
     impact : LinearizedImpact
     restitution : float
         Velocity ratio e.
@@ -137,7 +145,7 @@ def covariance_through_impact(diffusions, before, after, impact, restitution):
     final, early : tuple (xx, xv, vv)
         Covariance at the end, and the part gathered before the impact, taken at it.
     map : tuple (b11, b12, b21, b22)
-        Carries a displacement from the impact time to the end.
+        Rows of the matrix that carries a displacement (angle, velocity) from just before the impact to the end.
     """
     jump = impact_jump(impact.pull, impact.far_pull, impact.speed, restitution)
     c, s = math.cosh(after), math.sinh(after)
@@ -160,9 +168,9 @@ def displacement_through_impact(x, v, time, rest, impact, restitution):
     Parameters
     ----------
     x, v : float
-        Displacement from the path without noise, at the time of its impact.
+        Displacement in angle and velocity from the path without noise, just before its impact; nondimensional.
     time, rest : float
-        The step's time before and after that impact.
+        The step's duration before and after that impact.
     impact : LinearizedImpact
         The undisturbed one.
     restitution : float

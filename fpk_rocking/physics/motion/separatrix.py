@@ -19,17 +19,19 @@ from fpk_rocking.base.checks import Array, ArrayLike, Number
 
 
 def checked(critical_angle: float) -> float:
-    """Return a critical angle α from 0 to π/2, radians, or raise TypeError or ValueError."""
+    """Return `critical_angle` α as a float from 0 to π/2, radians, or raise TypeError or ValueError."""
     return checks.number("critical_angle", critical_angle, at_least=0.0, at_most=0.5 * math.pi)
 
 
 def orbit(times: ArrayLike, critical_angle: float) -> tuple[Number, Number]:
     """Angle sgn(τ)(1 - φ/α) and velocity on the orbit from x = -1 to x = 1 that meets x = 0 at the time 0.
 
+    There φ(τ) is the tilt with tan(φ/4) = tan(α/4) e^(-|τ|). Angle and velocity are nondimensional.
+
     Parameters
     ----------
     times : array_like
-        Nondimensional.
+        Times τ of either sign, nondimensional.
     critical_angle : float
         α, from 0 to π/2, radians.
 
@@ -46,17 +48,17 @@ def orbit(times: ArrayLike, critical_angle: float) -> tuple[Number, Number]:
 
 
 def speed(critical_angle: float) -> float:
-    """Speed v₀ = (2/α) sin(α/2) of the orbit at x = 0, for α in radians.
+    """Return the nondimensional speed v₀ = (2/α) sin(α/2) at which the orbit between the saddles passes x = 0.
 
-    An impulse of this size overturns a block at rest.
+    An impulse of this size overturns a block at rest. `critical_angle` is α, radians, 0 to π/2; for 0, v₀ is 1.
     """
     return float(np.sinc(checked(critical_angle) / (2.0 * math.pi)))
 
 
 def kernel(critical_angle: float) -> tuple[Array, Array]:
-    """Weights c_n and rates m_n, each of shape (terms,), of the kernel v cos φ; for α = 0 one of each, 1 and 1.
+    """Weights c_n and rates m_n, each (terms,), of the kernel Σ c_n e^(-m_n |τ|) by which the orbit sees a force.
 
-    `critical_angle` is α, radians.
+    The kernel is v cos φ along the orbit between the saddles. `critical_angle` is α, radians; for α = 0 both are [1].
     """
     scale, ratio = _scales(critical_angle)
     order = np.arange(25)  # enough for α = π/2, where tan(α/4)² is 0.17
@@ -67,12 +69,12 @@ def kernel(critical_angle: float) -> tuple[Array, Array]:
 
 
 def halves(frequency: ArrayLike, critical_angle: float) -> tuple[Number, Number]:
-    """Integrals over τ > 0 of the kernel times cos ωτ and times sin ωτ.
+    """Integrals over τ > 0 of the Melnikov kernel Σ c_n e^(-m_n τ) times cos ωτ and times sin ωτ.
 
     Parameters
     ----------
     frequency : array_like
-        ω, nondimensional.
+        Angular frequency ω, nondimensional.
     critical_angle : float
         α, from 0 to π/2, radians.
 
@@ -89,9 +91,10 @@ def halves(frequency: ArrayLike, critical_angle: float) -> tuple[Number, Number]
 
 
 def white_gain(critical_angle: float) -> float:
-    """Integral of the squared kernel over all times; white noise has the Melnikov variance 2D times this.
+    """Integral, a float, of the squared Melnikov kernel over all times; white noise has 2D times it.
 
-    It is (8/α²) ∫ (2c² - 1)² dc from c = cos(α/2) to 1, and 1 for a slender block; α is in radians.
+    2D times it is the variance of the Melnikov process. It is (8/α²) ∫ (2c² - 1)² dc from c = cos(α/2) to 1, and 1 for
+    a slender block; `critical_angle` is α, radians.
     """
     alpha = checked(critical_angle)
     rise = 2.0 * math.sin(0.25 * alpha) ** 2
@@ -100,7 +103,7 @@ def white_gain(critical_angle: float) -> float:
 
 
 def _scales(critical_angle):
-    """Return (4/α) tan(α/4) and tan(α/4) of a critical angle α in radians, 1 and 0 for α = 0."""
+    """Return the tuple ((4/α) tan(α/4), tan(α/4)) for `critical_angle` α in radians, (1, 0) for α = 0."""
     alpha = checked(critical_angle)
     ratio = math.tan(0.25 * alpha)
     return (4.0 * ratio / alpha if alpha > 0.0 else 1.0), ratio

@@ -30,10 +30,10 @@ from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_ju
 
 
 class Interval(NamedTuple):
-    """One interval: `particular` (TERMS,) is P; `force`, `folded` (TERMS,) are scratch.
+    """One interval: `particular` (TERMS,) is P, a polynomial of the time since its middle, lowest power first.
 
-    `exponentials` (2, TERMS): Taylor coefficients of e^t and e^-t. `bend` (TERMS,): k (k-1) half^(k-2) for k > 2.
-    `half`: half of the interval's duration; `factor`: its exponential.
+    `force`, `folded` (TERMS,) are scratch. `exponentials` (2, TERMS): Taylor coefficients of e^t and e^-t. `bend`
+    (TERMS,): k (k-1) half^(k-2) for k > 2. `half`: half of the interval's duration; `factor`: its exponential.
     """
 
     particular: np.ndarray
@@ -46,7 +46,11 @@ class Interval(NamedTuple):
 
 
 def interval_tables(half: float) -> tuple[Array, Array]:
-    """Return `exponentials` (2, TERMS) and `bend` (TERMS,) of an `Interval` by `half`, the half of its duration."""
+    """Return the fields (exponentials, bend) of an `Interval`, arrays (2, TERMS) and (TERMS,), by power.
+
+    They are the Taylor coefficients of e^t and e^-t, and k (k-1) half^(k-2) for powers k > 2, else 0. `half` is half of
+    the interval's duration, nondimensional.
+    """
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])
     bend = np.where(order > 2, order * (order - 1.0) * half ** np.maximum(order - 2.0, 0.0), 0.0)
@@ -57,7 +61,8 @@ def interval_tables(half: float) -> tuple[Array, Array]:
 def _fold(interval, grow, decay, sign):
     """Write the coefficients of the angle u = s x of a flight to `interval.folded` (TERMS,) of an `Interval`.
 
-    `grow` and `decay` are the flight's exponentials at the interval's middle, and `sign` is s as a float.
+    They are those of a polynomial in the time since the middle, lowest power first. `grow` and `decay` are the flight's
+    exponentials (x - s - P is their sum) at the middle, and `sign` is s as a float.
     """
     particular, folded, exponentials = interval.particular, interval.folded, interval.exponentials
     grow, decay = sign * grow, sign * decay
@@ -68,12 +73,12 @@ def _fold(interval, grow, decay, sign):
 
 @kernel
 def _through_events(particular, scratch, half, x, v, side, begin, end, block, impacts, origin):
-    """As `advance_through_events`, from `begin` to `end`; times, up to `half` in size, count from the middle.
+    """Return (x, v, side, time) of a block carried from `begin` to `end`, as `advance_through_events` does.
 
-    `particular` (TERMS,) is P there, `scratch` (TERMS,) is written to, `block` is a `KernelBlock`, `impacts` an
-    `ImpactRecord`
-    or None, `origin` the time of the middle. Return x, v, side and the time, which is `end` unless the block
-    overturned.
+    Times, up to `half` in size, count from the interval's middle; that returned is `end` unless the block overturned.
+    `x`, `v` are angle and velocity and `side` is +1, -1 or 0 at rest. `particular` (TERMS,) are the coefficients of P,
+    lowest power first, `scratch` (TERMS,) is written to, `block` is a `KernelBlock`, `impacts` an `ImpactRecord` or
+    None, and `origin` the time of the middle. All are nondimensional.
     """
     segment = borrowed(segment_from_particular(particular, scratch, half))
     return advance_through_events(x, v, side, segment, begin, end, block, impacts, origin)
@@ -81,9 +86,11 @@ def _through_events(particular, scratch, half, x, v, side, begin, end, block, im
 
 @kernel
 def state_at_begin(particular, half, grow, decay, side):
-    """Angle and velocity at the interval's begin, at -half, or zeros at rest.
+    """Return (x, v), angle and velocity at the interval's begin, at -half from its middle, or zeros at rest.
 
-    `particular` (TERMS,) is P; `grow` and `decay` are the flight's exponentials at the begin.
+    `particular` (TERMS,) are the coefficients of P, lowest power first, in the time since the middle; `grow` and
+    `decay` are the flight's exponentials (x - s - P is their sum) at the begin; `side` is s, +1 or -1, or 0 at rest.
+    All are nondimensional.
     """
     if side == 0:
         return 0.0, 0.0
@@ -92,7 +99,7 @@ def state_at_begin(particular, half, grow, decay, side):
 
 @kernel(forceinline=True)
 def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, origin):
-    """Carry a block through an interval in which it may have an event.
+    """Carry a slender block through an interval in which it may have an event; all nondimensional.
 
     Parameters
     ----------
@@ -100,11 +107,11 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
     node : float
         P at the interval's end.
     grow, decay : float
-        The flight's exponentials at the interval's begin; not used at rest.
+        The flight's exponentials at the interval's begin (x - s - P is their sum); not used at rest.
     u, end : float
-        Folded angle at the interval's begin, and at its end if nothing happens.
+        Folded angle s x at the interval's begin, and at its end if nothing happens.
     side : int
-        +1, -1, or 0 at rest.
+        The side s: +1, -1, or 0 at rest.
     block : KernelBlock
     impacts : ImpactRecord
         Records the impacts.
@@ -157,9 +164,11 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
 
 @kernel(forceinline=True)
 def state_in_interval(interval, grow, decay, side, time, block, impacts):
-    """Angle and velocity at a time in an `Interval`, counted from its middle; nan if overturned by then.
+    """Return (x, v) at `time`, counted from the middle of `interval`; (nan, nan) if overturned by then.
 
-    Arguments are as for `cross_interval`; `impacts` gets times that count from the middle too.
+    x, v are angle and velocity. The other arguments are as for `cross_interval`: `grow`, `decay` the flight's
+    exponentials and `side` that at the interval's begin, `block` a `KernelBlock`, and `impacts` an `ImpactRecord`,
+    which gets times that count from the middle too. All are nondimensional.
     """
     x, v = state_at_begin(interval.particular, interval.half, grow, decay, side)
     begin = -interval.half

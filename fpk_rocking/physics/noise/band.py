@@ -68,7 +68,11 @@ class Realization(NamedTuple):
 
 @kernel
 def allocate_realization(count, half):
-    """Return a `Realization` of zeros with room for `count` harmonics sampled in chunks of 2 * half + 1."""
+    """Return a `Realization`, a named tuple of arrays, here zeros, for `count` harmonics in chunks of samples.
+
+    A chunk has 2 `half` + 1 of them. With M, `count` padded to a multiple of 8, and m, `half` padded to one of 4:
+    ratios, phases, weights, cosines, sines (M,), hop, wrap (2, M), even, odd (m, M).
+    """
     padded = (count + _LANES - 1) // _LANES * _LANES
     rows = (half + 3) // 4 * 4
     return Realization(
@@ -86,10 +90,10 @@ def allocate_realization(count, half):
 
 @kernel
 def phase_in_turns(ratio, phase, cycle, fraction):
-    """Phase in turns at a time of `cycle` full cycles and a fraction, less whole turns of the full cycles.
+    """Return the phase of a harmonic, in turns, at a time of `cycle` (a whole number) cycles and `fraction` of one.
 
-    `ratio` is the harmonic's frequency in turns per cycle and `phase` its phase at the time 0, in turns. It is exact to
-    rounding for ratio * cycle < 5e8.
+    Whole turns of the full cycles are left out. `ratio` is the harmonic's frequency in turns per cycle and `phase` its
+    phase at the time 0, in turns. It is exact to rounding for ratio * cycle < 5e8.
     """
     coarse = math.floor(ratio * 2.0**24) / 2.0**24
     turns = coarse * cycle
@@ -98,7 +102,10 @@ def phase_in_turns(ratio, phase, cycle, fraction):
 
 @kernel(inline="always")
 def cos_sin_of_turns(angle):
-    """Cosine and sine of an angle in turns, to 1e-15; free of branches and calls, so that loops become vectors."""
+    """Return (cos, sin) of 2π `angle`, an angle in turns, to 1e-15.
+
+    It is free of branches and calls, so that loops become vectors.
+    """
     r = angle - math.floor(angle + 0.5)
     q = r * r
     # Taylor series at half the angle, at most a quarter turn.
@@ -113,9 +120,10 @@ def cos_sin_of_turns(angle):
 
 @kernel(fastmath={"contract"})
 def write_sample_rotations(harmonics, half, spacing):
-    """Write `even`, `odd` of a `Realization`: the rotations to `half` samples beside a centre.
+    """Write `even`, `odd` (m, M) of a `Realization`: cosines and sines of rotations to samples beside a centre.
 
-    `spacing` is that of the samples, in cycles.
+    `half` is the number of samples on a side. `harmonics` is the realization, with `ratios` (M,); `spacing` is that of
+    the samples, in cycles.
     """
     ratios, even, odd = harmonics.ratios, harmonics.even, harmonics.odd
     write_rotation(ratios, spacing, even[0], odd[0])
@@ -127,7 +135,7 @@ def write_sample_rotations(harmonics, half, spacing):
 
 @kernel(fastmath={"contract"})
 def write_rotation(ratios, cycles, cosines, sines):
-    """Write to `cosines` and `sines` (M,) the rotations of harmonics over a time, as for `hop` and `wrap`.
+    """Write the cosines and sines of harmonics' phase changes over a time to `cosines` and `sines` (M,).
 
     `ratios` (M,) are turns per cycle, and the time is given in `cycles`.
     """
@@ -139,9 +147,9 @@ def write_rotation(ratios, cycles, cosines, sines):
 
 @kernel(fastmath={"contract"})
 def set_centre(harmonics, cycle, fraction):
-    """Put the centre of a `Realization` at a time of `cycle` full cycles and a fraction, directly.
+    """Put the centre of a `Realization` at a time of `cycle` (a whole number) cycles and `fraction` of one, directly.
 
-    Its `cosines` and `sines` are written.
+    Its `cosines` and `sines` (M,), the weighted harmonics then, are written.
     """
     for n in range(harmonics.ratios.size):
         c, s = cos_sin_of_turns(phase_in_turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction))
@@ -151,9 +159,9 @@ def set_centre(harmonics, cycle, fraction):
 
 @kernel(fastmath={"contract"})
 def rotate_centre(harmonics, rotation):
-    """Move the centre of a `Realization` on by a rotation (2, M), its `hop` or `wrap`.
+    """Move the centre of a `Realization` on by `rotation` (2, M), its `hop` or `wrap`: cosines and sines.
 
-    Its `cosines` and `sines` are written.
+    Its `cosines` and `sines` (M,), the weighted harmonics at the centre, are written.
     """
     for n in range(harmonics.ratios.size):
         c, s = harmonics.cosines[n], harmonics.sines[n]
@@ -165,7 +173,8 @@ def rotate_centre(harmonics, rotation):
 def add_samples(harmonics, half, out):
     """Add the noise of a `Realization` at its centre and at `half` samples on each side to `out` (2 * half + 1,).
 
-    The centre is sample `half`. Four offsets at a time share the loads of the centre's harmonics.
+    The noise is a nondimensional acceleration; the centre is sample `half`. Four offsets at a time share the loads of
+    the centre's harmonics.
     """
     cosines, sines, even, odd = harmonics.cosines, harmonics.sines, harmonics.even, harmonics.odd
     total = 0.0
@@ -193,9 +202,10 @@ def add_samples(harmonics, half, out):
 
 @kernel(inline="always")
 def _pair(out, half, offset, even, odd):
-    """Add the sums over harmonics of cosines and sines to the two samples at an offset from the centre.
+    """Add even - odd and even + odd to `out` (2 * half + 1,), at places half + offset and half - offset.
 
-    `even` and `odd` are these sums; `out` (2 * half + 1,) is added to, where the offset is at most `half`.
+    `even` and `odd` are the sums over harmonics of cosines and sines, floats. Where `offset` is above `half` nothing is
+    done.
     """
     if offset <= half:
         out[half + offset] += even - odd
@@ -203,7 +213,7 @@ def _pair(out, half, offset, even, odd):
 
 
 def interpolant_polynomials(spacing: float, parts: int = 1) -> Array:
-    """Polynomials of the interpolant between two samples, in equal parts of the time between them.
+    """Polynomials that interpolate the noise between two samples, in equal parts of the time between them.
 
     Parameters
     ----------
@@ -216,7 +226,7 @@ def interpolant_polynomials(spacing: float, parts: int = 1) -> Array:
     -------
     ndarray, shape (parts, WIDTH, TERMS)
         Row i belongs to sample i - WIDTH/2 + 1 (0: before the parts, 1: after them); coefficients in the time since the
-        middle of the part.
+        middle of the part, lowest power first.
     """
     powers = (2.0 / np.longdouble(spacing)) ** np.arange(TERMS, dtype=np.longdouble)
     return np.array([(_window_pieces(part, parts) * powers).astype(float) for part in range(parts)])
@@ -224,7 +234,10 @@ def interpolant_polynomials(spacing: float, parts: int = 1) -> Array:
 
 @functools.cache
 def _window_pieces(part, parts):
-    """Polynomials (WIDTH, TERMS) of one part in `interpolant_polynomials`, for parts of duration 2; not written to."""
+    """Return polynomials (WIDTH, TERMS), lowest power first, of number `part` of `parts`: `interpolant_polynomials`.
+
+    They are for parts of duration 2, in long double, and not to be written to.
+    """
     # In long double where there is one: rounding of the window is what limits the derivative otherwise.
     order = np.arange(TERMS, dtype=np.longdouble)
     angles = np.longdouble("3.14159265358979323846264") * (order + 0.5) / TERMS
@@ -237,7 +250,10 @@ def _window_pieces(part, parts):
 
 
 def _bessel(square):
-    """Evaluate I0(_SHAPE sqrt(square)) at `square` (...) by its power series, all terms of which are positive."""
+    """Return I0(_SHAPE sqrt(square)) at `square` (...), an array (...) in long double.
+
+    It is summed as a power series, all terms of which are positive.
+    """
     square = np.asarray(square, np.longdouble) * np.longdouble(0.5 * _SHAPE) ** 2
     term = total = np.ones_like(square)
     for k in range(1, 120):
@@ -248,9 +264,9 @@ def _bessel(square):
 
 @functools.cache
 def window_compensation() -> Array:
-    """Return coefficients (_ORDER,) of 1/(transform of the window), a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1.
+    """Return coefficients (_ORDER,), lowest power first, of 1/(transform of the interpolation's window).
 
-    b is a frequency and d the spacing. Not to be written to.
+    It is a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1; b is a frequency and d the spacing. Not to be written to.
     """
     nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
     argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
@@ -260,7 +276,7 @@ def window_compensation() -> Array:
 
 @kernel(inline="always")
 def evaluate_compensation(coefficients, ratio):
-    """Value of the polynomial of `window_compensation`, with its coefficients.
+    """Return 1/(transform of the window), a float, by `coefficients` (_ORDER,), those of `window_compensation`.
 
     `ratio` is frequency * spacing * OVERSAMPLING / pi, from 0 to 1.
     """
@@ -273,10 +289,11 @@ def evaluate_compensation(coefficients, ratio):
 
 @kernel(fastmath={"contract"})
 def divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
-    """Turn the weights (n,) of the noise's harmonics, in place, into those of the interpolant of P.
+    """Turn the amplitudes `weights` (n,) of the noise's harmonics, in place, into those of the interpolant of P.
 
-    `ratios` (n,): frequencies in turns per table period; `frequency`: angular, of one turn. `compensation`,
-    `ratio_scale`: those of `Parameters`, by which the interpolant's window is made good.
+    P is the bounded solution of P'' = P + noise. `ratios` (n,): frequencies in turns per table period; `frequency`:
+    angular, of one turn, nondimensional. `compensation` (_ORDER,): coefficients of `window_compensation`, by which the
+    interpolant's window is made good; `ratio_scale`: what turns a ratio into the argument of `evaluate_compensation`.
     """
     for n in range(ratios.size):
         gain = -evaluate_compensation(compensation, ratios[n] * ratio_scale)
@@ -285,10 +302,10 @@ def divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
 
 @kernel(fastmath={"contract", "reassoc"})
 def noise_slope(samples, k, slopes):
-    """Return the derivative, in time, of the noise's share of P at the end of interval k of a chunk.
+    """Return the time derivative, a float, of the noise's share of P at the end of interval k of a chunk.
 
-    `samples` (WIDTH - 1 + CHUNK,) of the interpolant of that share, not of the noise (`divide_by_stiffness`);
-    `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
+    P is the bounded solution of P'' = P + f. `samples` (WIDTH - 1 + CHUNK,) are of the interpolant of that share, not
+    of the noise (`divide_by_stiffness`); `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
     """
     total = 0.0
     for i in range(WIDTH):
@@ -298,10 +315,10 @@ def noise_slope(samples, k, slopes):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def noise_at_points(values, part, g, k):
-    """Noise at the NODES points of an interval, a SIMD vector, without the factor of its envelope.
+    """Return the noise at the NODES Gauss points of an interval, a SIMD vector of floats, without its envelope.
 
-    `values` (parts WIDTH, NODES): as of `Collocation`; `part`: number of the interval between two samples; g: samples
-    of a chunk, those of this interval from number k on.
+    `values` (parts WIDTH, NODES): the interpolant's polynomials at the points, row WIDTH part + i for sample i; `part`:
+    number of the interval between two samples; `g`: samples of a chunk, those of this interval from number `k` on.
     """
     row = WIDTH * part
     first = load(values, row) * g[k] + load(values, row + 1) * g[k + 1]
@@ -317,8 +334,8 @@ def noise_at_points(values, part, g, k):
 def write_product(strength, noise, base, out):
     """Write to `out` (TERMS,) the polynomial `base` (TERMS,) plus the product of `strength` and `noise`.
 
-    `strength` (order,): the envelope; `noise` (TERMS,): the noise without it; all in the time since an interval's
-    middle.
+    `strength` (order,): the envelope; `noise` (TERMS,): the noise without it; all are coefficients, lowest power first,
+    in the time since an interval's middle.
     """
     for n in range(TERMS):
         force = base[n]

@@ -14,7 +14,7 @@ from fpk_rocking.base.checks import Array
 
 
 class Envelope(abc.ABC):
-    """An envelope g(τ), as a time step asks for it."""
+    """An envelope g(τ), nondimensional, as a time step asks for it."""
 
     @abc.abstractmethod
     def value(self, times: Array) -> Array:
@@ -25,7 +25,7 @@ class Envelope(abc.ABC):
         """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
 
     def shifted(self, time: float) -> "Envelope":
-        """Return the envelope whose times count from a nondimensional time on."""
+        """Return the `Envelope` g(time + τ): its times count from the nondimensional `time` on."""
         return _Shifted(self, time)
 
 
@@ -34,22 +34,25 @@ class Enveloped(Protocol):
 
     @property
     def envelope(self) -> Envelope | None:
-        """Function of time by which the noise is multiplied; None where it is stationary."""
+        """Function of time, an `Envelope`, by which the noise is multiplied; None where it is stationary."""
 
 
 @dataclasses.dataclass(frozen=True)
 class _Shifted(Envelope):
-    """An envelope whose times count from an origin; the integral of g² too is from 0 on there, but for a constant."""
+    """The envelope g(origin + τ), whose times count from an origin; the integral of g² lacks a constant.
+
+    `squared_integral` begins at the time 0 of g rather than at the origin.
+    """
 
     envelope: Envelope
     origin: float
 
     def value(self, times: Array) -> Array:
-        """Return g (n,) at times (n,) since the origin."""
+        """Return g (n,) at nondimensional times (n,) since the origin."""
         return self.envelope.value(times + self.origin)
 
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² (n,) up to times (n,) since the origin, from the time 0 of the envelope on."""
+        """Return the integral of g² (n,), from the envelope's time 0 to nondimensional times (n,) since the origin."""
         return self.envelope.squared_integral(times + self.origin)
 
 
@@ -61,7 +64,7 @@ class _Linear(Envelope):
     @property
     @abc.abstractmethod
     def corners(self) -> tuple[Array, Array]:
-        """Times and values between which it is linear."""
+        """Nondimensional times and values, (n,) each, between which it is linear."""
 
     def value(self, times: Array) -> Array:
         """Return g (n,) at nondimensional times (n,)."""
@@ -69,13 +72,13 @@ class _Linear(Envelope):
 
     @property
     def kinks(self):
-        """Times at which the slope changes."""
+        """Nondimensional times (n,) at which the slope changes."""
         return self.corners[0]
 
     def series(self, times: Array, terms: int) -> Array:
         """Return Taylor coefficients (n, terms) of g about nondimensional times (n,), none of which is a kink.
 
-        `terms` is their number, at least 2.
+        The lowest power comes first; `terms` is their number, at least 2.
         """
         places, values = self.corners
         slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
@@ -124,7 +127,7 @@ class Trapezoid(_Linear):
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
-        """Times and values, (4,) each, between which it is linear."""
+        """Nondimensional times and values, (4,) each, between which it is linear."""
         # A jump takes no time, but no two corners may be at one.
         least = 1e-9 * (self.rise + self.hold + self.decay)
         times = np.cumsum([0.0, max(self.rise, least), max(self.hold, least), max(self.decay, least)])
@@ -173,7 +176,7 @@ class Table(_Linear):
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
-        """Times and values, (n,) each, between which it is linear."""
+        """Nondimensional times and values, (n,) each, between which it is linear."""
         return np.array(self.times), np.array(self.values)
 
     def faster(self, factor: float) -> Self:
@@ -210,7 +213,7 @@ class Exponential(Envelope):
 
     @property
     def spacing(self) -> float:
-        """Longest interval in which it may be taken as linear, to 5e-5 of its peak."""
+        """Longest interval, a nondimensional time, in which it may be taken as linear, to 5e-5 of its peak."""
         return 0.02 * self.peak
 
     def value(self, times: Array) -> Array:
@@ -219,7 +222,10 @@ class Exponential(Envelope):
         return part * np.exp(1.0 - part)
 
     def series(self, times: Array, terms: int) -> Array:
-        """Return Taylor coefficients (n, terms) of g about nondimensional times (n,); `terms` is their number."""
+        """Return Taylor coefficients (n, terms) of g about nondimensional times (n,), lowest power first.
+
+        `terms` is their number.
+        """
         # g^(k) = (-1)^k (u - k) exp(1 - u) / t^k with u = τ/t.
         order = np.arange(terms)
         inverse = np.array([1.0 / math.factorial(k) for k in order]) * (-1.0 / self.peak) ** order
@@ -244,7 +250,7 @@ ENVELOPES = {cls.kind: cls for cls in (Trapezoid, Exponential, Table)}
 
 
 def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
-    """Return the mean of g² (n,) in intervals with the edges (n + 1,), nondimensional; ones for no envelope, None.
+    """Return the mean of g² (n,) in intervals with the `edges` (n + 1,), nondimensional; ones for no envelope, None.
 
     Means below 1e-4, where g is below .01, are 0: white noise then counts as none, so that a block can rest.
     """
@@ -255,17 +261,21 @@ def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
 
 
 def refuse_envelope(noise: Enveloped, what: str) -> None:
-    """Raise ValueError for a noise with an envelope; `what` names the computation that is not defined for it."""
+    """Raise ValueError for a noise with an envelope, else return None.
+
+    `what`, a text, names the computation that is not defined for it, for the message.
+    """
     if noise.envelope is not None:
         accepted = f"no envelope, as {what} is only defined for stationary noise"
         raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
 
 
 class EnvelopePieces(NamedTuple):
-    """The envelope g of the noise as polynomials, in pieces that end at its kinks; m intervals.
+    """The envelope g of the noise as polynomials, in pieces that end at its kinks; m intervals, nondimensional times.
 
     `first` (m + 1,): number of the first piece in each interval. `ends` (pieces,): their ends, times since the
-    interval's middle. `strength` (pieces, order): g in the time since the interval's middle.
+    interval's middle. `strength` (pieces, order): coefficients of g in the time since the interval's middle, lowest
+    power first.
     """
 
     first: np.ndarray
@@ -274,9 +284,10 @@ class EnvelopePieces(NamedTuple):
 
 
 def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> EnvelopePieces:
-    """Return the `EnvelopePieces` of an `envelope`, or of None, for intervals with these middles (m,).
+    """Return the polynomials of an `Envelope`, or of None (g = 1), over m intervals, the named tuple `EnvelopePieces`.
 
-    `half`: half their duration, nondimensional. Of an envelope that is not linear in pieces, `order` terms are taken.
+    It has first (m + 1,), ends (pieces,) and strength (pieces, order). `middles` (m,) are those of the intervals and
+    `half` is half their duration, nondimensional. Of an envelope that is not linear in pieces, `order` terms are taken.
     """
     if envelope is None:
         count = len(middles)
@@ -300,7 +311,7 @@ def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> E
 
 
 def largest_envelope(envelope: Any, grid: Any) -> Array:
-    """Return the largest value of an `envelope` in each interval (m,) of a `TimeGrid`; 1 for None."""
+    """Return the largest value of an `Envelope` in each interval of a `TimeGrid`: (m,); ones for None."""
     if envelope is None:
         return np.ones(grid.count)
     edges = grid.spacing * np.arange(grid.count + 1)

@@ -166,7 +166,7 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
     Returns
     -------
     ndarray or float
-        Nondimensional.
+        The weight, nondimensional, of the shape of `frequency`.
     """
     e, square = restitution, np.square(frequency)
     if separatrix.checked(critical_angle) > 0.0:
@@ -224,10 +224,10 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
 
 
 def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
-    """Weights (32,) and frequencies (32,), nondimensional, of a quadrature for means over the band of a noise.
+    """Return (weights, frequencies), (32,) each, of a quadrature for means over the band of `noise`, nondimensional.
 
-    Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric polynomials (a constant is
-    not).
+    A mean is weights @ values at the frequencies. It is Gauss-Legendre in θ = atan ω, where the responses of a slender
+    block are trigonometric polynomials (a constant is not).
     """
     low, high = noise.band
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
@@ -237,13 +237,13 @@ def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
 
 
 def _check(noise: Noise) -> None:
-    """Raise TypeError for a value that is no noise, of a class in `NOISES`."""
+    """Raise TypeError for a value that is no noise, of a class in `NOISES`; else return None."""
     if getattr(noise, "kind", None) not in NOISES:
         raise TypeError(checks.refusal("noise", noise, "BandNoise, WhiteNoise, FilteredNoise or NoNoise"))
 
 
 def _band(noise: Noise) -> BandNoise:
-    """Return band noise of a variance above 0, and refuse other noise."""
+    """Return `noise` itself if it is band noise of a variance above 0; else raise TypeError or ValueError."""
     if noise.kind != "band" or noise.variance == 0.0:
         raise ValueError(f"noise: got {noise!r}, accepted: band noise of a variance > 0")
     return noise

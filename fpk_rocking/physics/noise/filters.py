@@ -50,7 +50,7 @@ class Filter(abc.ABC):
     @property
     @abc.abstractmethod
     def space(self) -> StateSpace:
-        """State space of the filter, for noise of variance 1."""
+        """State space of the filter, a `StateSpace`, for noise of variance 1."""
 
     def faster(self, factor: float) -> "Filter":
         """Return the filter with all its rates multiplied by a factor.
@@ -63,6 +63,7 @@ class Filter(abc.ABC):
         Returns
         -------
         Filter
+            For it η has the same variance, and changes `factor` times as fast.
         """
         space = self.space
         drift = tuple(tuple(row) for row in (factor * space.drift).tolist())
@@ -118,12 +119,12 @@ class LinearFilter(Filter):
 
     @property
     def _matrices(self):
-        """Drift (n, n), input (n,) and output (n,) as arrays."""
+        """Arrays (drift, input, output) of shapes (n, n), (n,) and (n,) for n states."""
         return np.array(self.drift), np.array(self.input), np.array(self.output)
 
     @property
     def space(self) -> StateSpace:
-        """State space of the filter, for noise of variance 1."""
+        """State space of the filter, a `StateSpace`, for noise of variance 1."""
         return StateSpace.stationary(*self._matrices)
 
     def __str__(self):
@@ -173,7 +174,7 @@ class CloughPenzien(Filter):
 
     @property
     def space(self) -> StateSpace:
-        """State space of the filter, for noise of variance 1."""
+        """State space of the filter, a `StateSpace` of 4 states, for noise of variance 1."""
         high, low = self.frequency, self.low_frequency
         loss_high, loss_low = 2.0 * self.damping, 2.0 * self.low_damping
         # The states are g and g'/ω_g of the soil, with u = g + 2 ζ_g g'/ω_g, and ω_f² y and ω_f y'.
@@ -201,18 +202,27 @@ class _NamedFilter(NamedTuple):
 
 
 def _exponential(omega, _):
-    """Return the `StateSpace` of η for the frequency `omega`; an exponential filter has no damping."""
+    """Return the `StateSpace` of noise of variance 1 with η' + `omega` η = white noise; its only state is η.
+
+    The second argument, a damping, is not used.
+    """
     return StateSpace(np.array([[-omega]]), np.array([math.sqrt(2.0 * omega)]), np.ones(1), np.eye(1))
 
 
 def _low_pass(omega, zeta):
-    """Return the `StateSpace` of η'' + 2ζω η' + ω² η = white noise, with states η and η'/ω, each of variance 1."""
+    """Return the `StateSpace` of η'' + 2ζω η' + ω² η = white noise, with states η and η'/ω, each of variance 1.
+
+    `omega` is ω, nondimensional, and `zeta` is ζ.
+    """
     drift = omega * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
     return StateSpace(drift, np.array([0.0, 2.0 * math.sqrt(zeta * omega)]), np.array([1.0, 0.0]), np.eye(2))
 
 
 def _kanai_tajimi(omega, zeta):
-    """Return the `StateSpace` of g and g'/ω for the frequency `omega` and the damping ratio `zeta`."""
+    """Return the `StateSpace` of η = ω² y + 2ζω y', of variance 1, with y'' + 2ζω y' + ω² y = white noise.
+
+    Its states are y and y'/ω, scaled to variance 1; `omega` is ω, nondimensional, and `zeta` is ζ.
+    """
     output = np.array([1.0, 2.0 * zeta]) / math.hypot(1.0, 2.0 * zeta)
     return _low_pass(omega, zeta)._replace(output=output)
 
@@ -226,30 +236,30 @@ FILTERS = {
 
 
 def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angle: float = 0.0) -> float | None:
-    """Frequency ω of the low-pass filter with a given σ_M² of noise of variance 1.
+    """Angular frequency ω of the low-pass filter with a given σ_M² of noise of variance 1.
 
-    σ_M² falls from 4 (sin α/α)² to 0 as ω grows, so there is one ω.
+    σ_M², the Melnikov variance, falls from 4 (sin α/α)² to 0 as ω grows, so there is one ω.
 
     Parameters
     ----------
     ratio : float
         σ_M²/σ².
     damping : float
-        ζ.
+        Damping ratio ζ.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
 
     Returns
     -------
     float or None
-        None where no ω from 1e-8 to 1e8 has it.
+        ω, nondimensional; None where no ω from 1e-8 to 1e8 has that ratio.
     """
     from scipy.optimize import brentq
 
     terms = separatrix.kernel(critical_angle)
 
     def excess(power):
-        """Melnikov variance of the filter of frequency exp(power), less the ratio."""
+        """Return the Melnikov variance, a float, of the filter of frequency exp(power), less the ratio."""
         return _low_pass(math.exp(power), damping).variance_along(*terms) - ratio
 
     low, high = math.log(1e-8), math.log(1e8)

@@ -102,12 +102,12 @@ class StateSpace(NamedTuple):
 
     @property
     def rates(self) -> Array:
-        """Eigenvalues (n,) of the drift; a real part is below 0."""
+        """Eigenvalues (n,) of the drift, per nondimensional time; each has a real part below 0."""
         return np.linalg.eigvals(self.drift)
 
     @property
     def fastest(self) -> float:
-        """Size of the fastest eigenvalue: noise is sampled in parts of 1/fastest."""
+        """Absolute value of the fastest eigenvalue, nondimensional: noise is sampled in parts of 1/fastest."""
         return float(np.abs(self.rates).max())
 
     @property
@@ -117,16 +117,17 @@ class StateSpace(NamedTuple):
         return bool(abs(self.output @ self.input) <= 1e-9 * size)
 
     def autocovariance(self, lag: ArrayLike) -> Number:
-        """Mean of η(τ) η(τ + lag).
+        """Mean of η(τ) η(τ + lag), for η of variance 1.
 
         Parameters
         ----------
         lag : array_like
-            Of either sign.
+            Nondimensional time of either sign.
 
         Returns
         -------
         ndarray or float
+            Of the shape of `lag`.
         """
         from scipy.linalg import expm
 
@@ -139,11 +140,12 @@ class StateSpace(NamedTuple):
         Parameters
         ----------
         frequency : array_like
-            ω, at least 0.
+            Angular frequency ω, nondimensional, at least 0.
 
         Returns
         -------
         ndarray or float
+            Of the shape of `frequency`.
         """
         omega = np.asarray(frequency, dtype=float)[..., None, None]
         states = np.linalg.solve(1j * omega * np.eye(self.order) - self.drift, self.input[:, None])
@@ -151,7 +153,7 @@ class StateSpace(NamedTuple):
 
     @property
     def peak_density(self) -> float:
-        """Largest value of `spectral_density`.
+        """Largest value of `spectral_density` over all ω, a float, nondimensional.
 
         With r = ω² the density is a ratio of two polynomials, and its peaks are roots of another.
         """
@@ -166,23 +168,24 @@ class StateSpace(NamedTuple):
 
     @property
     def melnikov_variance(self) -> float:
-        """Variance of the Melnikov process of a slender block, σ_M² = ∫ 4 G/(1 + ω²)² dω over all ω > 0."""
+        """Variance of a slender block's Melnikov process, for η of variance 1: ∫ 4 G/(1 + ω²)² dω over all ω > 0."""
         return self.variance_along(np.ones(1), np.ones(1))
 
     def variance_along(self, weights: Array, rates: Array) -> float:
-        """Variance of ∫ K(τ) η(τ) dτ with the kernel K = Σ w_i exp(-m_i |τ|).
+        """Variance of ∫ K(τ) η(τ) dτ with the kernel K = Σ w_i exp(-m_i |τ|), for η of variance 1.
 
-        With R̂ the Laplace transform of the autocovariance, a pair of terms contributes
-        2 w² [R̂(m)/m - R̂'(m)] where it is one term twice, else 4 w_i w_j [m_j R̂(m_i) - m_i R̂(m_j)]/(m_j² - m_i²).
+        With R̂ the Laplace transform of the autocovariance, a pair of terms contributes 2 w² [R̂(m)/m - R̂'(m)] where
+        it is one term twice, else 4 w_i w_j [m_j R̂(m_i) - m_i R̂(m_j)]/(m_j² - m_i²).
 
         Parameters
         ----------
         weights, rates : ndarray, shape (terms,)
-            w_i, and m_i above 0, all different.
+            w_i, and m_i above 0, all different; nondimensional.
 
         Returns
         -------
         float
+            The variance, nondimensional.
         """
         total = 0.0
         laplace: list[tuple[float, float, float]] = []
@@ -198,7 +201,10 @@ class StateSpace(NamedTuple):
 
     @property
     def inward_variance(self) -> float:
-        """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0."""
+        """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0.
+
+        η has the variance 1 and the autocovariance R.
+        """
         return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._covariance))
 
     @property
@@ -213,9 +219,11 @@ def transition_and_factor(drift: Array, source: Array, duration: float) -> tuple
     Parameters
     ----------
     drift : ndarray, shape (n, n)
+        Rates, per time.
     source : ndarray, shape (n,)
+        How the standard Wiener process W enters the states.
     duration : float
-        Of the step.
+        Of the step, in the same unit of time.
 
     Returns
     -------
