@@ -14,6 +14,7 @@ import contextvars
 import functools
 import gc
 import hashlib
+import math
 import os
 import pathlib
 import re
@@ -228,12 +229,17 @@ def map_threads(function, items):
     _run_together([work] * max(min(thread_count(), len(items)), 1))
 
 
-def run_in_parts(kernel, count, *arguments):
+LEAST_SECONDS = 2e-4
+"""Least work of a thread: a tenth of a millisecond is lost where a second one takes a part."""
+
+
+def run_in_parts(kernel, count, *arguments, seconds=math.inf):
     """Call ``kernel(begin, end, *arguments)`` for ranges that together are 0 to `count`, a range for each thread.
 
-    `arguments` are the same in each call; the kernel returns nothing.
+    `arguments` are the same in each call; the kernel returns nothing. All ranges together take about `seconds` of one
+    processor: short work is shared by fewer threads.
     """
-    threads = max(min(thread_count(), count), 1)
+    threads = int(max(min(thread_count(), count, seconds / LEAST_SECONDS), 1))
     ends = [count * k // threads for k in range(threads + 1)]
     _run_together([functools.partial(kernel, *ends[k : k + 2], *arguments) for k in range(threads)])
 

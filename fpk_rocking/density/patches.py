@@ -81,40 +81,63 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     """Return a function of time, 0 to `end`: the `Gaussian` of an exact block in a flight in which nothing happens.
 
     `gaussian` is that at time 0, `side` the side of the flight, ±1. Its moments obey ordinary differential equations of
-    first order in its spread, which are integrated as far as asked. `dynamics` are those of the scene, with its noise.
-    All are nondimensional.
+    first order in its spread, which are integrated as far as asked, by two half steps and a whole one, with cubics
+    between: to import an integrator would take longer. `dynamics` are those of the scene, with its noise. All are
+    nondimensional.
     """
-    from scipy.integrate import DOP853  # takes longer to import than all else here
-
     block, forcing, envelope = dynamics.block, dynamics.forcing, dynamics.envelope
     alpha, saddle, scale = block.critical_angle, block.saddles[side > 0], block.scales[side > 0]
 
     def rates(time, state):
-        """Return a list of the time derivatives of `state` (5,): means x, v and covariances xx, xv, vv, at `time`."""
-        x, v, xx, xv, vv = state
+        """Return time derivatives (5,) of `state` (5,): means x, v and covariances xx, xv, vv, at `time`."""
+        x, v, xx, xv, vv = state.tolist()
         phi, force = alpha * (saddle - side * x), forcing.value(time)
         sine, cosine = scale * math.sin(phi), scale * math.cos(phi)
         stiff = cosine + side * force * alpha * sine
         noise = 2.0 * dynamics.diffusion * cosine**2
         if envelope is not None:
             noise *= max(envelope.value(time) ** 2, dynamics.least_intensity)
-        return [v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise]
+        return np.array([v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise])
 
     (xx, xv), (_, vv) = gaussian.covariance
-    solver = DOP853(rates, 0.0, np.array([*gaussian.mean, xx, xv, vv]), end, rtol=1e-8, atol=1e-30)
-    ends, pieces = [], []
+    times, states, step = [0.0], [np.array([*gaussian.mean, xx, xv, vv])], 1e-6 * end
+    slopes = [rates(0.0, states[0])]
 
     def at(time):
         """Return the `Gaussian` at a `time` up to the end, integrated up to there if it is not yet."""
+        nonlocal step
         # Most starts meet the mesh long before the end, and a record makes many steps.
-        while solver.status == "running" and solver.t < max(time, 1e-300):
-            solver.step()
-            ends.append(solver.t)
-            pieces.append(solver.dense_output())
-        x, v, xx, xv, vv = pieces[min(bisect.bisect_left(ends, time), len(pieces) - 1)](time)
+        while times[-1] < min(time, end):
+            begin, state, step = times[-1], states[-1], min(step, end - times[-1])
+            coarse = _runge_kutta(rates, begin, state, slopes[-1], step)
+            middle, half = begin + 0.5 * step, _runge_kutta(rates, begin, state, slopes[-1], 0.5 * step)
+            fine = _runge_kutta(rates, middle, half, rates(middle, half), 0.5 * step)
+            error = (np.abs(fine - coarse) / (1e-9 * np.maximum(np.abs(fine), np.abs(state)) + 1e-30)).max()
+            if error <= 1.0:
+                times.append(begin + step)
+                states.append(fine + (fine - coarse) / 15.0)
+                slopes.append(rates(times[-1], states[-1]))
+            step *= min(5.0, 0.9 * (error + 1e-9) ** -0.2)
+        k = max(bisect.bisect_left(times, time), 1)
+        length = times[k] - times[k - 1]
+        late = (time - times[k - 1]) / length
+        early = 1.0 - late
+        ends = early**2 * (1.0 + 2.0 * late) * states[k - 1] + late**2 * (1.0 + 2.0 * early) * states[k]
+        x, v, xx, xv, vv = ends + length * early * late * (early * slopes[k - 1] - late * slopes[k])
         return Gaussian((x, v), [[xx, xv], [xv, vv]])
 
     return at
+
+
+def _runge_kutta(rates, time, state, slope, step):
+    """Return the state (n,) after a `step` of the classical method of order 4 from `state` (n,) at `time`.
+
+    ``rates(time, state)`` returns time derivatives (n,); `slope` are those at the begin.
+    """
+    first = rates(time + 0.5 * step, state + 0.5 * step * slope)
+    second = rates(time + 0.5 * step, state + 0.5 * step * first)
+    last = rates(time + step, state + step * second)
+    return state + step / 6.0 * (slope + 2.0 * first + 2.0 * second + last)
 
 
 def initial_density(start, space, cutoff):

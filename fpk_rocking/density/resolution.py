@@ -329,13 +329,16 @@ def _even(number):
 RESOLUTIONS = (
     Resolution(16, 16, 3, Quadrature(5, 5, 5, 2, 9), 6, PatchSettings(10, 5.0, 0.7, 0.01, 4)),
     Resolution(22, 22, 3, Quadrature(5, 5, 5, 2, 9), 8, PatchSettings(10, 5.0, 0.7, 0.01, 4)),
-    Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, PatchSettings(14, 6.0, 0.4, 0.01, 4)),
+    Resolution(32, 32, 3, Quadrature(5, 5, 5, 2, 9), 12, PatchSettings(16, 6.5, 0.35, 0.008, 4)),
     Resolution(44, 44, 3, Quadrature(6, 6, 5, 2, 9), 16, PatchSettings(16, 6.5, 0.35, 0.008, 4)),
     Resolution(56, 52, 4, Quadrature(8, 8, 7, 2), 20, PatchSettings(20, 8.0, 0.2, 0.005, 5)),
     Resolution(78, 72, 4, Quadrature(10, 10, 7, 2), 28, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
     Resolution(108, 100, 4, Quadrature(12, 12, 9, 3), 40, PatchSettings(28, 8.0, 0.1, 0.002, 5)),
 )
-"""Each about 1.4 times as fine as the one before, most with patches of their own: neighbours tell the error."""
+"""Each about 1.4 times as fine as the one before: neighbours tell the error.
+
+Two with the same patches share a start-up, whose error the solution before them tells.
+"""
 
 USUAL = {1e-2: 2, 1e-3: 3, 1e-4: 4}
 """Number of the resolution that is usually fine enough, by tolerance; never one of the first two."""

@@ -266,14 +266,18 @@ class StartUp:
         nondimensional.
         """
         dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
-        for duration in longest * 0.5 ** np.arange(7):
+
+        def is_free(duration):
+            """Whether no path meets an event within a `duration`."""
             reach = self.settings.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
             reach *= dynamics.largest_factor
             segment = dynamics.segment(now.time, duration)
             events = event_cells(*patch.lines, segment, duration, dynamics.block, (reach, math.inf))
-            if masses[events].sum() < TUNING.no_mass:
-                return duration
-        return 0.0
+            return masses[events].sum() < TUNING.no_mass
+
+        durations = longest * 0.5 ** np.arange(7)
+        # Next to x = 0 none is free, and the shortest tells so.
+        return next(filter(is_free, durations)) if is_free(durations[-1]) else 0.0
 
 
 def takeover_step(startup: StartUp, space: Space, edges, settled=None):

@@ -72,6 +72,8 @@ class Tuning(NamedTuple):
     """Seconds for an unknown in a step to be set up."""
     seconds_flight: float = 5e-8
     """Seconds for an unknown in a step to be taken."""
+    seconds_integral: float = 1e-8
+    """Seconds for a number of the matrices of a remap."""
     seconds_startup: float = 0.18
     """Seconds from the start to the first density that the mesh resolves."""
 

@@ -106,3 +106,18 @@ def test_a_kernel_does_not_depend_on_which_kernel_called_it_first(tmp_path):
         [sys.executable, tmp_path / "borrowed.py"], env=environment, capture_output=True, text=True, check=False
     )
     assert (run.returncode, run.stdout) == (0, "0.368\n"), run.stderr
+
+
+def test_a_thread_gets_enough_work_to_be_worth_its_start(monkeypatch):
+    monkeypatch.setattr(jit, "thread_count", lambda: 4)
+    parts = []
+
+    def ranges(count, **seconds):
+        parts.clear()
+        jit.run_in_parts(lambda begin, end, word: parts.append((begin, end, word)), count, "same", **seconds)
+        return sorted(parts)
+
+    assert ranges(8) == [(0, 2, "same"), (2, 4, "same"), (4, 6, "same"), (6, 8, "same")]
+    assert ranges(8, seconds=2.5 * jit.LEAST_SECONDS) == [(0, 4, "same"), (4, 8, "same")]
+    assert ranges(8, seconds=0.0) == [(0, 8, "same")]
+    assert ranges(3) == [(0, 1, "same"), (1, 2, "same"), (2, 3, "same")]

@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 from density_operators import REST, affine, flight_noise, scene_of
+from scipy.integrate import solve_ivp
 
 from fpk_rocking import solve_fpk
 from fpk_rocking.density.density import Density
-from fpk_rocking.density.patches import Gaussian, moment_sums, patch_of
+from fpk_rocking.density.patches import Gaussian, exact_flight, moment_sums, patch_of
 from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.startup import StartUp, takeover_step
@@ -216,3 +217,25 @@ def test_a_gaussian_of_an_exact_block_is_bent_where_curvature_shifts_its_mean(pa
     startup = StartUp(dynamics, Start(0.5, 0.0), patches, math.pi)
     least = 1e-4 * 0.5 / (0.125 * 0.3**2 * (1.0 + 3.0) * 0.2**2)
     assert startup._bent(Gaussian([0.5, 0.0], np.diag([part * least, 1.0])), 0.2) == bent
+
+
+@pytest.mark.parametrize(("side", "covariance"), [(1, np.zeros((2, 2))), (-1, np.array([[1e-3, 2e-4], [2e-4, 2e-3]]))])
+def test_moments_of_an_exact_flight_are_those_of_an_integration(side, covariance):
+    """Of x'' = -s sin φ/α + f cos φ, φ = α (1 - s x), against DOP853 at 1e-12."""
+    alpha, forcing, diffusion = 0.3, Harmonic(1.7, 2.0), 1e-3
+
+    def rates(time, state):
+        x, v, xx, xv, vv = state
+        phi, force = alpha * (1.0 - side * x), forcing.value(time)
+        slope = math.cos(phi) + side * force * alpha * math.sin(phi)
+        fall = -side * math.sin(phi) / alpha + force * math.cos(phi)
+        return [v, fall, 2.0 * xv, vv + slope * xx, 2.0 * (slope * xv + diffusion * math.cos(phi) ** 2)]
+
+    flight = exact_flight(
+        Gaussian((0.4 * side, 0.2), covariance), Dynamics(forcing, diffusion, KernelBlock(0.8, 1.5, alpha)), 2.0, side
+    )
+    times = [0.01, 0.3, 1.1, 2.0]
+    moments = [[*gaussian.mean, *gaussian.covariance[np.triu_indices(2)]] for gaussian in map(flight, times)]
+    start = [0.4 * side, 0.2, *covariance[np.triu_indices(2)]]
+    expected = solve_ivp(rates, (0.0, 2.0), start, "DOP853", times, rtol=1e-12, atol=1e-18).y.T
+    assert moments == pytest.approx(expected, rel=1e-7)

@@ -10,6 +10,7 @@ from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.step.characteristics import trace_point, write_end
 from fpk_rocking.density.step.dynamics import points_of_cell
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
     acceleration,
@@ -121,5 +122,6 @@ def trace_cells(cells, points, segment, block, noise, displacement=0.0):
     shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
     parts = np.ascontiguousarray(cells), points, segment, block, noise, displacement, ends, flags
-    run_in_parts(_trace_all, len(cells), *parts)
+    path = TUNING.seconds_path if block.critical_angle is None else TUNING.seconds_exact_path
+    run_in_parts(_trace_all, len(cells), *parts, seconds=path * flags.size)
     return ends, flags

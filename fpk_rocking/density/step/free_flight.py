@@ -62,6 +62,7 @@ class FreeFlight:
     def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, excess=None):
         sinh, shifts = flight_shears(duration)[1], affine.shifts
         self.free = free
+        self._shear_seconds = TUNING.seconds_flight / 3.0 * np.count_nonzero(free) * (space.degree + 1) ** 2
         (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
         points, weights = gauss_legendre(space.degree + 1)
         table = legendre_at_gauss_points(space.degree + 1, space.degree)
@@ -146,9 +147,11 @@ class FreeFlight:
         drifted, diffused = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
         truncated, overturned = np.zeros(limit), np.zeros((2, across))
         angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
-        _run_on_rows(first_angle_shear, self.first, coefficients, self.free, angle, tables, drifted, overturned, basis)
-        _run_on_rows(velocity_shear, self.second, drifted, *velocity, tables, diffused, truncated, basis)
-        _run_on_rows(last_angle_shear, self.third, diffused, angle, tables, out, overturned, basis)
+        self._run_on_rows(
+            first_angle_shear, self.first, coefficients, self.free, angle, tables, drifted, overturned, basis
+        )
+        self._run_on_rows(velocity_shear, self.second, drifted, *velocity, tables, diffused, truncated, basis)
+        self._run_on_rows(last_angle_shear, self.third, diffused, angle, tables, out, overturned, basis)
         return np.array([overturned[0].sum(), overturned[1].sum(), truncated.sum()])
 
     def apply_adjoint(self, function, exit_values, out):
@@ -165,19 +168,22 @@ class FreeFlight:
         basis = (1.0,) * modes
         diffused, drifted = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
         angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
-        _run_on_rows(adjoint_last_angle_shear, self.third, function, angle, tables, exit_values[:2], diffused, basis)
-        _run_on_rows(adjoint_velocity_shear, self.second, diffused, *velocity, tables, exit_values[2], drifted, basis)
-        _run_on_rows(
+        self._run_on_rows(
+            adjoint_last_angle_shear, self.third, function, angle, tables, exit_values[:2], diffused, basis
+        )
+        self._run_on_rows(
+            adjoint_velocity_shear, self.second, diffused, *velocity, tables, exit_values[2], drifted, basis
+        )
+        self._run_on_rows(
             adjoint_first_angle_shear, self.first, drifted, self.free, angle, tables, exit_values[:2], out, basis
         )
 
+    def _run_on_rows(self, shear, rows, *arguments):
+        """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads.
 
-def _run_on_rows(shear, rows, *arguments):
-    """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads.
-
-    The kernel is called as ``shear(begin, stop, rows, *arguments)`` and writes to its arguments; None is returned.
-    """
-    run_in_parts(shear, len(rows.order), rows, *arguments)
+        The kernel is called as ``shear(begin, stop, rows, *arguments)`` and writes to its arguments; None is returned.
+        """
+        run_in_parts(shear, len(rows.order), rows, *arguments, seconds=self._shear_seconds)
 
 
 def angle_remap_of(space, affine, diffusion, duration):

@@ -13,6 +13,7 @@ from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.step.targets import FASTMATH, MOST_MODES, legendre_at
+from fpk_rocking.density.tuning import TUNING
 
 
 class Remap(NamedTuple):
@@ -79,10 +80,11 @@ def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source
     remap = Remap(origin, first, count, start, blocks, end_places, end_masses)
     basis = (1.0,) * (degree + 1)
     where = lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source
-    run_in_parts(fill_blocks, len(source), *where, remap, basis)
+    seconds = TUNING.seconds_integral * blocks.size
+    run_in_parts(fill_blocks, len(source), *where, remap, basis, seconds=seconds)
     values = legendre_at_gauss_points(degree + 1, degree)
     moments = values * point_weights[:, None]
-    run_in_parts(blocks_to_point_values, len(blocks), moments, values, blocks, basis)
+    run_in_parts(blocks_to_point_values, len(blocks), moments, values, blocks, basis, seconds=seconds)
     return remap._replace(end_masses=np.einsum("rlck,mk->rlcm", end_masses, moments))
 
 

@@ -6,13 +6,12 @@ set up once for its phase of the forcing and applied in every cycle.
 """
 
 import dataclasses
-import itertools
 import math
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.basis import find_cells, gauss_hermite_product, gauss_legendre, legendre_at_gauss_points
+from fpk_rocking.base.basis import gauss_hermite_product, gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.cell_paths import trace_cells
@@ -161,10 +160,13 @@ class Step:
         if target is paths.source:
             free = paths.active & ~paths.event_cells
             self._scattered = paths.active & paths.event_cells
-            self._flight = FreeFlight(
-                target, free, paths.affine, paths.dynamics.diffusion, paths.duration, paths.diffusion_nodes,
-                self.angle_remap, paths.excess,
-            )  # fmt: skip
+            if free.any():
+                self._flight = FreeFlight(
+                    target, free, paths.affine, paths.dynamics.diffusion, paths.duration, paths.diffusion_nodes,
+                    self.angle_remap, paths.excess,
+                )  # fmt: skip
+        per_cell = paths.points.angle_points.size * paths.points.velocity_points.size * paths.node_weights.size
+        self._seconds = TUNING.seconds_deposit * per_cell * np.count_nonzero(self._scattered)
         self._columns = self._split()
 
     def apply(self, coefficients):
@@ -179,7 +181,7 @@ class Step:
         chunks = Chunks(self._columns, self.buffers, self._absorbed)
         run_in_parts(
             scatter, len(chunks.columns), coefficients, cells, paths.points, self._targets, self._affine,
-            *self.target.cell_searches, chunks, *self._bases,
+            *self.target.cell_searches, chunks, *self._bases, seconds=self._seconds,
         )  # fmt: skip
         out = np.empty(self.target.shape)
         sum_buffers(self.buffers, self._columns, self.target.areas, out)
@@ -213,15 +215,16 @@ class Step:
         ValueError
             The step ends on another mesh.
         """
-        if not self._flight:
+        if self.target is not self.characteristics.source:
             raise ValueError(checks.refusal("target", self.target, "the mesh of the characteristics"))
         paths, exit_values = self.characteristics, np.asarray(exit_values, dtype=float)
         out = np.zeros(paths.source.shape)
-        self._flight.apply_adjoint(values, exit_values, out)
+        if self._flight:
+            self._flight.apply_adjoint(values, exit_values, out)
         cells = np.ascontiguousarray(np.argwhere(self._scattered))
         run_in_parts(
             gather, len(cells), values.reshape(-1, self.buffers.shape[2]), exit_values, paths.points, paths.numbers,
-            self._targets, paths.node_weights, cells, out, *self._bases,
+            self._targets, paths.node_weights, cells, out, *self._bases, seconds=self._seconds,
         )  # fmt: skip
         out[~paths.active, 0, 0] = exit_values[2]
         return out
@@ -232,39 +235,20 @@ class Step:
         The latter are those that it writes. A column is an angle cell, and `to` is one past the last.
         """
         paths, (limit, across, *_) = self.characteristics, self.target.shape
-        (low, high), lines = self._free_range(), self.target.angle_lines
-        first = np.where(low < high, find_cells(lines, low, "left"), limit)
-        last = np.where(low < high, find_cells(lines, high, "left"), -1)
-        nearest, farthest = self._targets.columns(across, limit)
-        rows = np.nonzero(paths.numbers >= 0)[0]
-        order = paths.numbers[paths.numbers >= 0]
-        np.maximum.at(last, rows, farthest[order])
-        np.minimum.at(first, rows, nearest[order])
         load = np.cumsum(self._scattered.sum(axis=1) + 1e-9)
         edges = np.searchsorted(load, load[-1] * np.arange(1, TUNING.chunks) / TUNING.chunks)
-        edges = np.concatenate([[0], edges, [len(load)]])
         columns = np.zeros((TUNING.chunks, 4), dtype=np.int64)
-        for k, (begin, end) in enumerate(itertools.pairwise(edges)):
-            reached = min(first[begin:end], default=limit), max(last[begin:end], default=-1) + 1
-            columns[k] = begin, end, *(reached if reached[0] < reached[1] else (0, 0))
+        columns[1:, 0], columns[:-1, 1], columns[-1, 1] = edges, edges, len(load)
+        if paths.to_other_mesh:
+            columns[:, 3] = limit
+            return columns
+        nearest, farthest = self._targets.columns(across, limit)
+        traced = paths.numbers >= 0
+        for k, (begin, end) in enumerate(columns[:, :2]):
+            order = paths.numbers[begin:end][traced[begin:end]]
+            reached = nearest[order].min(initial=limit), farthest[order].max(initial=-1) + 1
+            columns[k, 2:] = reached if reached[0] < reached[1] else (0, 0)
         return columns
-
-    def _free_range(self):
-        """Return the lowest and highest angle (2, columns) where nodes of scattered cells without events end.
-
-        They are nondimensional, by source column (angle cell); 0, 0 of a column without such cells.
-        """
-        paths, lines = self.characteristics, self.characteristics.source.angle_lines
-        free = self._scattered & ~paths.event_cells
-        ends = np.stack([free.argmax(axis=1), free.shape[1] - free[:, ::-1].argmax(axis=1)])
-        shift = paths.affine.shifts[np.where(lines[1:] + lines[:-1] > 0.0, 1, -1), 0]
-        low, high = (
-            shift + paths.affine.cosh * edge + paths.affine.sinh * paths.source.velocity_lines[end] + extreme
-            for edge, end, extreme in zip(
-                (lines[:-1], lines[1:]), ends, (paths.offsets[:, 0].min(), paths.offsets[:, 0].max()), strict=True
-            )
-        )
-        return np.where(free.any(axis=1), [low, high], 0.0)
 
 
 def scatter_buffers(target: Space):

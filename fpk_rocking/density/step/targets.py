@@ -104,7 +104,10 @@ class Targets(NamedTuple):
         ends, flags = ends.reshape(len(flags), -1, 2), flags.reshape(len(flags), -1)
         cells, sizes = np.empty(flags.shape, np.int32), np.empty((len(flags), 2), np.int64)
         slots = len(searches[0].scales) * len(searches[1].scales) + _EXITS
-        run_in_parts(_locate_paths, len(flags), ends, flags, *searches, first_positive, slots, cells, sizes)
+        seconds = TUNING.seconds_deposit * flags.size
+        run_in_parts(
+            _locate_paths, len(flags), ends, flags, *searches, first_positive, slots, cells, sizes, seconds=seconds
+        )
         before = self.used
         limits = np.cumsum(sizes, axis=0) + before
         groups, blocks = limits[-1]
@@ -117,7 +120,7 @@ class Targets(NamedTuple):
             most=max(self.most, int(sizes[:, 1].max())),
         )
         where = len(self.groups) - 1, np.ascontiguousarray(limits[:, 1]), slots
-        run_in_parts(_group_paths, len(cells), cells, ends, *where, *larger[:-1])
+        run_in_parts(_group_paths, len(cells), cells, ends, *where, *larger[:-1], seconds=seconds)
         return larger
 
 
