@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import itertools
 import math
 from typing import Any
 
@@ -13,11 +12,18 @@ from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.integrals import (
+    TAIL,
+    contributions_by_bin,
+    edges_of_rules,
+    gauss_nodes,
+    lognormal_rates,
+    rate_density,
+    rate_limits,
+    share_beyond,
+)
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.pooled import IntensityCurve
-
-_TAIL = 12.0
-"""Dispersions, and units of 1/k, over which the frequency is integrated to either side: beyond lies less than 1e-30."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -71,6 +77,15 @@ class Risk(Result):
     def return_period(self) -> float:
         """Mean time between two events, 1/λ, years; inf where there is none."""
         return 1.0 / self.rate if self.rate > 0.0 else math.inf
+
+    @functools.cached_property
+    def lognormal_rate(self) -> float:
+        """Annual rate by the lognormal curve of the fit, as files of it carry, 1/year; nan where there is none."""
+        if not self.curve.fitted:
+            return math.nan
+        curve = np.array([[self.curve.fit.median, self.curve.fit.dispersion]])
+        edges = edges_of_rules(self.curve, self.hazard)
+        return float(lognormal_rates(curve, self.hazard, edges[0], edges[-1])[0])
 
     def probability(self, years: float = 50.0) -> float:
         """Return the probability of at least one event in a time, 1 - exp(-λt), the events being independent.
@@ -137,16 +152,24 @@ class Risk(Result):
             + ["blocks"] * bool(set(self.curve.sources) - {"noise", "record to record"})
             + ["noise"] * (not len(self.curve.jumps))
         )
-        through = (
-            "the lognormal curve" if self.curve.fitted and not self.curve.refined else "the points, joined by lines"
-        )
-        through = "all intensities at which each motion overturns the block" if self.curve.jumps.size else through
+        if self.curve.jumps.size:
+            through = "every intensity at which a motion overturns the block"
+        elif self.curve.fitted and not self.curve.refined:
+            through = "the lognormal curve"
+        else:
+            through = "the points, joined by lines"
         at_once = " (all probabilities at their lower, or all at their upper limits, as there is no fit)"
-        wide = "" if self.curve.fitted else at_once
+        wide = ", by the lognormal curve" if self.curve.fitted else at_once
         limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
         text = (
-            f"{self.title}{self._periods}. By {through}{limits}. The hazard and the model of the block count as known."
+            f"{self.title}{self._periods}. Computed from {through}{limits}. "
+            "The hazard and the model of the block count as known."
         )
+        by_fit = self.lognormal_rate
+        if self.rate > 0.0 and abs(by_fit / self.rate - 1.0) > 0.02:
+            text += (
+                f" The lognormal curve, which files for OpenQuake and pelicun carry, gives {rate_text(by_fit)} a year."
+            )
         if not self.curve.jumps.size:
             text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]
@@ -154,11 +177,15 @@ class Risk(Result):
     @property
     def _periods(self):
         """Text of the return period and the probability in 50 years, or their limits if the rate is 0; or empty."""
+        low, high = self.interval
         if self.rate > 0.0:
-            years, probability = f"{self.return_period:.4g} years", f"{self.probability():.3g}"
-        elif self.interval[1] > 0.0:
-            years = f"above {1.0 / self.interval[1]:.4g} years"
-            probability = f"below {-math.expm1(-50.0 * self.interval[1]):.3g}"
+            years, probability = f"{self.return_period:.3g} years", f"{self.probability():.2g}"
+            if low > 0.0:
+                years += f" ({1.0 / high:.2g} to {1.0 / low:.2g})"
+                probability += f" ({-math.expm1(-50.0 * low):.2g} to {-math.expm1(-50.0 * high):.2g})"
+        elif high > 0.0:
+            years = f"above {1.0 / high:.3g} years"
+            probability = f"below {-math.expm1(-50.0 * high):.2g}"
         else:
             return ""
         return f": return period {years}, probability in 50 years {probability}"
@@ -191,6 +218,7 @@ class Risk(Result):
             "unit": self.curve.unit,
             "median": self.curve.fit.median,
             "dispersion": self.curve.fit.dispersion,
+            "lognormal_rate": self.lognormal_rate,
         }
 
     def dataset(self) -> Dataset:
@@ -239,22 +267,22 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """
     checks.instance("curve", curve, IntensityCurve)
     checks.instance("hazard", hazard, Hazard)
-    edges_of_rule = _edges(curve, hazard)
-    low, high = _limits(curve, hazard, edges_of_rule)
+    edges_of_rule = edges_of_rules(curve, hazard)
+    low, high = rate_limits(curve, hazard, edges_of_rule)
     if np.isfinite(curve.jumps).any():
         return _by_jumps(curve, hazard, (low, high))
-    by, (y, weights) = _probability(curve), _gauss(edges_of_rule)
-    share = weights * _density(by, hazard, y)
-    rate, (edges, contribution) = float(share.sum()), _contributions(by, hazard, y, share)
+    by, (y, weights) = _probability(curve), gauss_nodes(edges_of_rule)
+    share = weights * rate_density(by, hazard, y)
+    rate, (edges, contribution) = float(share.sum()), contributions_by_bin(by, hazard, y, share)
     return Risk(
         rate,
         # The limits of a fit are those of the population's curve; the mean over these motions is a point of them.
         (min(low, rate), max(high, rate)) if curve.refined else (low, high),
         edges,
         contribution,
-        _beyond(y, share, hazard.intensity),
-        _beyond(y, share, curve.intensity),
-        _beyond(y, share, [curve.intensity[0], math.inf]),
+        share_beyond(y, share, hazard.intensity),
+        share_beyond(y, share, curve.intensity),
+        share_beyond(y, share, [curve.intensity[0], math.inf]),
         curve,
         hazard,
     )
@@ -282,7 +310,7 @@ def _by_jumps(curve, hazard, limits):
     limits = (rate, rate) if curve.units == 1 else (min(limits[0], rate), max(limits[1], rate))
     ends = []
     for part in (1.0 - 5e-4, 5e-4):
-        left, right = math.log(lowest), math.log(lowest) + _TAIL * math.log(10.0) / hazard.exponents.min()
+        left, right = math.log(lowest), math.log(lowest) + TAIL * math.log(10.0) / hazard.exponents.min()
         for _ in range(60):  # halvings to rounding
             middle = 0.5 * (left + right)
             left, right = (middle, right) if above(math.exp(middle)).mean() > part * rate else (left, middle)
@@ -296,108 +324,3 @@ def _by_jumps(curve, hazard, limits):
 def rate_text(rate: float) -> str:
     """Return a rate as a text of three digits, as "1.23e-4"."""
     return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
-
-
-def _edges(curve, hazard):
-    """Return edges (n + 1,) in ln(intensity) of Gauss-Legendre rules.
-
-    Points of the `hazard`, a `Hazard`, are among them, and those of a `curve`, an `IntensityCurve`, without a fit.
-    """
-    places = curve.outcomes[0]
-    steep, gentle = hazard.exponents.max(), hazard.exponents.min()
-    points = np.log(hazard.intensity)
-    spread = curve.tail
-    # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
-    low = math.log(curve.fit.median if curve.fitted else places[0]) - steep * spread**2 - _TAIL * spread
-    high = _TAIL * math.log(10.0) / gentle
-    if curve.fitted:
-        high += math.log(curve.fit.median) + _TAIL * spread
-    else:
-        high += math.log(places[-1])
-    if curve.refined or not curve.fitted:
-        points = np.concatenate([points, np.log(places)])
-    width = min(0.25 * spread, 1.0 / steep)
-    points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
-    parts = [
-        np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
-    ]
-    return np.append(np.concatenate(parts), high)
-
-
-def _gauss(edges):
-    """Return (nodes, weights), (12 n,) each, of Gauss-Legendre rules of 12 points between `edges` (n + 1,)."""
-    nodes, weights = np.polynomial.legendre.leggauss(12)
-    half = 0.5 * np.diff(edges)[:, None]
-    return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
-
-
-def _density(probability, hazard, y):
-    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability.
-
-    `probability`: a function of the intensities; `hazard`: the `Hazard` H, of exponent k between two of its points.
-    """
-    place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
-    return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
-
-
-def _limits(curve, hazard, edges):
-    """Return 95 % limits (low, high) of the rate, 1/year, from those of the curve, or nan; `edges`: of `_edges`."""
-    if curve.fitted and len(curve.replicates):
-        low, high = np.quantile(_by_replicates(curve, hazard, edges[0], edges[-1]), [0.025, 0.975]).tolist()
-        return low, high
-    if curve.fitted:
-        return math.nan, math.nan
-    y, weights = _gauss(edges)
-    density = weights * _density(np.ones_like, hazard, y)
-    low, high = (float(density @ side) for side in curve.limits(np.exp(y)))
-    return low, high
-
-
-def _by_replicates(curve, hazard, first, last):
-    """Return annual rates (b,) by the b lognormal curves of the replicates, over ln(intensity) from `first` to `last`.
-
-    By parts ∫ N |dH| = -[H N] + ∫ H dN, and the power law H of exponent k moves the normal density by -k β².
-    """
-    from scipy import special
-
-    # Few motions agree with medians of 0 and inf.
-    with np.errstate(divide="ignore"):
-        middle = np.clip(np.log(curve.replicates[:, :1]), -1e4, 1e4)
-    spread, logs = curve.replicates[:, 1:], np.log(hazard.intensity)
-    ends = np.concatenate([[first], logs[(logs > first) & (logs < last)], [last]])
-    place = np.clip(np.searchsorted(logs, 0.5 * (ends[1:] + ends[:-1])) - 1, 0, logs.size - 2)
-    k, away = hazard.exponents[place], (ends - middle) / spread
-    low, high = away[:, :-1] + k * spread, away[:, 1:] + k * spread
-    # Tails are subtracted on the side where the normal distribution has its digits.
-    turned = low > 0.0
-    low, high = np.where(turned, -high, low), np.where(turned, -low, high)
-    factor = np.log(hazard.rate)[place] + k * (logs[place] - middle) + 0.5 * (k * spread) ** 2
-    parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
-    left, right = (hazard(np.exp(ends[[0, -1]])) * special.ndtr(away[:, [0, -1]])).T
-    return parts.sum(axis=1) + left - right
-
-
-def _contributions(probability, hazard, y, share):
-    """Return (edges, shares): edges (25,) of bins of intensity with all but a thousandth of the rate; its shares (24,).
-
-    `probability`: a function of intensities; `share` (n,): parts of the rate at the nodes y = ln(intensity), (n,). Of a
-    rate of 0 it is one bin, of 0.
-    """
-    total = share.sum()
-    if not total > 0.0:
-        return np.exp(y[[0, -1]]), np.zeros(1)
-    part = np.cumsum(share) / total
-    low, high = y[np.searchsorted(part, [5e-4, 1.0 - 5e-4])].tolist()
-    edges = np.linspace(low, high, 25)
-    nodes, weights = _gauss(edges)
-    return np.exp(edges), (weights * _density(probability, hazard, nodes)).reshape(24, -1).sum(axis=1) / total
-
-
-def _beyond(y, share, points):
-    """Return the part (float) of the rate from outside the intensities from `points[0]` to `points[-1]`.
-
-    `share` (n,): contributions to the rate at the nodes y = ln(intensity), (n,).
-    """
-    outside = (y < math.log(points[0])) | (y > math.log(points[-1]))
-    total = share.sum()
-    return float(share[outside].sum() / total) if total > 0.0 else 0.0

@@ -134,7 +134,7 @@ def _block(scene, draws):
         "restitution": f"{scene.block.restitution_text('.4g')}{', Housner' * own}",
         "lifts off at": f"{scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY:.4g} g",
         "overturned at": f"{math.degrees(scene.overturning.angle * size.critical_angle):.4g}°",
-        "slides before it rocks": f"friction below {scene.block.least_friction:.3g}",
+        "rocks, and does not slide first": f"friction of at least {scene.block.least_friction:.3g}",
     }
     for name, values in ({} if draws is None else draws.values).items():
         rows[f"uncertain {name.replace('_', ' ')}"] = f"{min(values):.3g} to {max(values):.3g}"
@@ -235,7 +235,8 @@ def _sources(curve):
 
 def _points(curve):
     """Return a dict of columns, arrays of texts (n,) by their heads, of the points of an `IntensityCurve`."""
-    names = f"{curve.measure}, {curve.unit}", "probability", "low (95 %)", "high (95 %)", "lognormal"
+    of_fit = " of the fit" * curve.fitted
+    names = f"{curve.measure}, {curve.unit}", "mean", f"low{of_fit} (95 %)", f"high{of_fit} (95 %)", "lognormal"
     columns = curve.dataset().table().values()
     return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
 

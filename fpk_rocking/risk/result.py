@@ -202,10 +202,11 @@ class Study(Result):
             low, high = fit.median_interval
             text = f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], "
             text += f"dispersion {fit.dispersion:.3g}" + f", of which {curve.parts}" * bool(curve.parts)
-            misfit = f"largest misfit of a probability {fit.misfit:.2g}"
-            misfit += (
-                f": the fit is rejected ({fit.rejected}). {points}" if fit.rejected else ", no reason to reject the fit"
-            )
+            misfit = f"largest distance of the curve from the mean over the motions {fit.misfit:.2g}"
+            if fit.rejected:
+                misfit += f": the fit is rejected ({fit.rejected}). {points}"
+            elif math.isfinite(fit.p_value):
+                misfit += f"; a test does not reject the lognormal form (p = {fit.p_value:.2g})"
             lines.append(f"{text}; {misfit}.")
         if self.added and self.moved <= MOVED:
             moved = f"the last of them moved the rate by {100.0 * self.moved:.2g} %"
@@ -220,9 +221,8 @@ class Study(Result):
         """What the critical intensities of the table are, as sentences; empty with noise."""
         if self.critical is None:
             return ""
-        return "Of the block without its uncertain values: " * (self.draws is not None) + critical_text(
-            self.curve.measure
-        )
+        certain = "The table of the motions is of the block without its uncertain values. " * (self.draws is not None)
+        return certain + critical_text(self.curve.measure)
 
     def _ordered(self):
         """Return the deviances of intensity measures as a sentence in a list, empty for one motion."""

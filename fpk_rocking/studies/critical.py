@@ -47,8 +47,8 @@ def critical_text(measure: str) -> str:
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
         "at least. Above it the block may stand again, until it always overturns. P(overturned) is the share of the "
         f"motions that overturn the block at a {measure}: it may be below the share of those whose critical {measure} "
-        f"is lower. A lognormal fit takes each motion at its equivalent {measure}: if the block always overturned "
-        f"above that, it would do so over as much of the logarithm of the {measure}."
+        f"is lower. A lognormal fit takes each motion at its equivalent {measure}: a block that overturned at all "
+        f"above that would do so over the same total range of ln({measure})."
     )
 
 

@@ -248,15 +248,19 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     for number, row in enumerate(records if len(records) > 1 else ()):
         label = "" if number else f"each of {len(records)} records"
         axes.plot(curve.intensity, row, color="0.75", linewidth=0.6, label=label)
-    look = {"color": colour, "marker": "o", "label": "mean, 95 % limits", "zorder": 3}
-    pictures.error_bars(axes, curve.intensity, curve.probability, curve.interval, **look)
+    look = {"color": colour, "marker": "o", "zorder": 3}
+    banded = len(curve.replicates) and curve.fitted
+    if banded:
+        axes.plot(curve.intensity, curve.probability, linestyle="", label="mean", **look)
+    else:
+        pictures.error_bars(axes, curve.intensity, curve.probability, curve.interval, label="mean, 95 % limits", **look)
     grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
-    if len(curve.replicates) and curve.fitted:
+    if banded:
         from scipy import special
 
         medians, spreads = curve.replicates.T[:, :, None]
         low, high = np.quantile(special.ndtr(np.log(grid / medians) / spreads), [0.025, 0.975], axis=0)
-        axes.fill_between(grid, low, high, color="black", alpha=0.12, linewidth=0.0, label="its 95 % band")
+        axes.fill_between(grid, low, high, color="black", alpha=0.12, linewidth=0.0, label="95 % band of the fit")
     axes.plot(grid, curve(grid), color="black", label="lognormal fit" if curve.fitted else "points joined by lines")
     axes.set(xlabel=curve.measure + f", {curve.unit}" * bool(curve.unit), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
     logarithmic(axes.set_xscale, axes.xaxis)

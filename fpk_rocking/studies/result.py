@@ -138,7 +138,17 @@ class Fragility(Saved, Result):
         return np.clip(limits, 0.0, 1.0)
 
     def at_scales(self, scale: Array) -> Self:
-        """Return the curves at other scales (n,), ascending, by the outcomes that were searched for without noise."""
+        """Return the curves at other scales, by the outcomes that were searched for without noise.
+
+        Parameters
+        ----------
+        scale : ndarray, shape (n,)
+            Ascending.
+
+        Returns
+        -------
+        Fragility
+        """
         jumps = not_none(self.motions).jumps
         probability = overturns(jumps.reshape(-1, jumps.shape[-1]), scale).astype(float)
         probability = probability.reshape(*jumps.shape[:2], len(scale))

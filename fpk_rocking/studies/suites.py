@@ -1,20 +1,32 @@
 """What the outcomes under several motions tell of a motion drawn from their population: share, fit, limits, parts."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import scipy
 
+from fpk_rocking.base.checks import Array
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
 
 _TESTED = np.linspace(-2.5, 2.5, 41)
 """Where a fit to outcomes without noise is tested if some motions stand in the end, in dispersions from its median."""
 
 
-def suite_fields(capacities, intensity, shares, trials, drawn, samples, rng, steps):
+def suite_fields(
+    capacities: Any,
+    intensity: Array,
+    shares: Array,
+    trials: int,
+    drawn: Mapping[str, Any],
+    samples: int,
+    rng: np.random.Generator,
+    steps: tuple[Array, Array, float] | None,
+) -> dict[str, Any]:
     """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows.
 
-    `capacities` are those of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
+    `capacities` are the `Capacities` of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
     realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. `steps`:
     intensities (k,) at which an outcome changes, the mean there, and up to where they are known; None of samples.
     "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
@@ -43,7 +55,7 @@ def suite_fields(capacities, intensity, shares, trials, drawn, samples, rng, ste
         fit = fit._replace(misfit=float(np.abs(fit(places) - share).max(initial=0.0)))
         # Apart from the jumps: those of simulated suites lie elsewhere, and a distance is largest at a jump.
         places, known = fit.median * np.exp(fit.dispersion * _TESTED), places
-        places = places[places <= reach]
+        places = places[places <= reach] if (places <= reach).any() else np.array([reach])
         share = np.append(0.0, share)[np.searchsorted(known, places, side="right")]
     p_value = capacities.p_value(np.log(places), share, trials, rng)
     fit = with_intervals(fit._replace(p_value=p_value), fields["replicates"])
@@ -57,7 +69,7 @@ def suite_fields(capacities, intensity, shares, trials, drawn, samples, rng, ste
     return fields | {"fit": fit, "sources": sources}
 
 
-def name_sources(suite, records):
+def name_sources(suite: Mapping[str, Any], records: int) -> dict[str, Any]:
     """Return a dict of fields of an `IntensityCurve`: "records" (int), "sources" and "source_errors" (float by name).
 
     `suite`: what `suite_fields` returns; of one record there is no part "record to record".
@@ -69,7 +81,7 @@ def name_sources(suite, records):
     return {"records": records, "sources": values, "source_errors": errors}
 
 
-def outcome_steps(jumps):
+def outcome_steps(jumps: Array) -> tuple[Array, Array]:
     """Intensities (k,), just before each of the jumps (r, b, k) and at it, and the share that overturns there."""
     signs = np.broadcast_to(1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2), jumps.shape)
     finite = np.isfinite(jumps)
@@ -80,7 +92,7 @@ def outcome_steps(jumps):
     return tuple(np.clip(values.ravel()[1:], 0.0, np.inf) for values in pairs)
 
 
-def binomial_limits(mean, count):
+def binomial_limits(mean: Array, count: int) -> Array:
     """Return Clopper's and Pearson's 95 % limits (n, 2) of a `mean` (n,) over `count` independent outcomes."""
     happened = mean * count
     low = scipy.special.betaincinv(np.maximum(happened, 1e-300), count - happened + 1.0, 0.025)
@@ -88,7 +100,7 @@ def binomial_limits(mean, count):
     return np.stack([np.where(happened > 0.0, low, 0.0), np.where(happened < count, high, 1.0)], axis=-1)
 
 
-def with_intervals(fit, replicates):
+def with_intervals(fit: LognormalFit, replicates: Array) -> LognormalFit:
     """Return a `LognormalFit` with the 95 % intervals of `replicates` (b, 2), medians and dispersions; nan without."""
     if not len(replicates) or fit.reason:
         return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))

@@ -11,6 +11,7 @@ from suites import SCALES, SIZE, curve_of, record, suite
 from fpk_rocking import Block, NoNoise, Scene
 from fpk_rocking.results.trust import CAUTION, UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.risk.rate import rate_text
 from fpk_rocking.studies.lognormal import LognormalFit
 
 
@@ -146,8 +147,20 @@ def test_where_nothing_overturns_the_upper_limits_are_above_zero():
     assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
         "e-0", "e-"
     )
-    assert f": return period above {1.0 / wanted:.4g} years, probability in 50 years below " in risk.sentences[0]
+    assert f": return period above {1.0 / wanted:.3g} years, probability in 50 years below " in risk.sentences[0]
     alone = annual_frequency(IntensityCurve.of(suite(np.zeros((1, 12)), scenes[:1], 1), "PGV"), risk.hazard)
     assert alone.sentences[0].startswith(
-        "no annual rate of overturning: no motion overturned the block up to the highest intensity. By the points"
+        "no annual rate of overturning: no motion overturned the block up to the highest intensity. Computed from the "
     )
+
+
+def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
+    curve, law = curve_of(0.7, 0.5), Hazard.power_law(rate=1e-3, exponent=2.0)
+    closed = 1e-3 * 0.7**-2.0 * math.exp(2.0 * 0.5**2)
+    along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, refined=True), law)
+    assert along.lognormal_rate == pytest.approx(closed, rel=1e-9)
+    assert along.rate < 0.7 * closed
+    assert f"carry, gives {rate_text(closed)} a year." in along.sentences[0]
+    assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
+    without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
+    assert math.isnan(annual_frequency(without, law).lognormal_rate)

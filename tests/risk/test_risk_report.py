@@ -65,14 +65,12 @@ def test_the_curve_has_its_points_its_records_and_its_band(axes):
     records = [line for line in axes.lines if line.get_color() == "0.75"]
     assert [line.get_ydata().tolist() for line in records] == rows.tolist()
     assert records[0].get_label() == "each of 3 records"
-    (bars,) = axes.containers
-    assert np.array_equal(bars[0].get_xydata(), np.stack([SCALES, risk.curve.probability], axis=1))
-    ends = np.array([segment[:, 1] for segment in bars[2][0].get_segments()])
-    assert ends == pytest.approx(risk.curve.interval)
+    assert np.array_equal(lines["mean"].get_xydata(), np.stack([SCALES, risk.curve.probability], axis=1))
+    assert not axes.containers
     grid, values = lines["lognormal fit"].get_data()
     assert (grid[0], grid[-1]) == pytest.approx((0.8 * SCALES[0], 1.25 * SCALES[-1]))
     assert np.array_equal(values, risk.curve(grid))
-    (band,) = (drawn for drawn in axes.collections if drawn.get_label() == "its 95 % band")
+    (band,) = (drawn for drawn in axes.collections if drawn.get_label() == "95 % band of the fit")
     limits = np.quantile([LognormalFit(*drawn)(grid) for drawn in replicates], [0.025, 0.975], axis=0)
     corners = band.get_paths()[0].vertices[:, 1]
     assert (corners.min(), corners.max()) == pytest.approx((limits.min(), limits.max()), abs=1e-12)
@@ -85,7 +83,10 @@ def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):
     assert [line.get_label() for line in axes.lines if line.get_color() in {"0.75", "black"}] == [
         "points joined by lines"
     ]
-    assert not any(drawn.get_label() == "its 95 % band" for drawn in axes.collections)
+    (bars,) = axes.containers
+    ends = np.array([segment[:, 1] for segment in bars[2][0].get_segments()])
+    assert ends == pytest.approx(risk.curve.interval)
+    assert not any(drawn.get_label() == "95 % band of the fit" for drawn in axes.collections)
 
 
 def test_the_shares_of_the_frequency_stand_beside_the_hazard(axes):

@@ -407,6 +407,7 @@ def test_motions_that_do_not_settle_are_told_by_name(monkeypatch):
     assert f"where the search ends, under {names}. For the limits" in said
     ends = [3.0 * 0.5 / 1.8 * 9.80665 / intensities(scene).pga * intensities(scene).pgv for scene in result.recorded]
     assert result.curve.reach == pytest.approx(min(end for end, standing in zip(ends, stands, strict=True) if standing))
+    monkeypatch.undo()
     assert not any("where the search ends" in text for text in stepped(5).remarks)
 
 
