@@ -40,8 +40,9 @@ def draw(path, table):
     slope = np.polyfit(np.log(unknowns[fine]), np.log(errors["0.025"][fine][:, -1]), 1)[0]
     title = f"The error of the density after {CYCLES[-1]} cycles falls like the unknowns of an axis to the {slope:.1f}"
     note = (
-        "Main scene, white noise. L1: sum of |difference| of the probabilities in bins, from a finer mesh (116 × 196 "
-        "cells of degree 4). Points of one mesh differ in quadrature and steps. Impacts limit the order."
+        "Main scene, white noise; meshes from before version 0.3. L1: sum of |difference| of the probabilities in "
+        "bins, from a finer mesh (116 × 196 cells of degree 4). Points of one mesh differ in quadrature and steps. "
+        "Impacts limit the order."
     )
     with pictures.page(path, (10.0, 4.8), title, [note]) as figure:
         for axes, width in zip(figure.subplots(1, 2, sharey=True), WIDTHS, strict=True):

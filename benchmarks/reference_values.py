@@ -154,7 +154,7 @@ def lines_of(name, row):
         for j, quantity in enumerate(QUANTITIES):
             numbers = (first[0][k, j], first[1][k, j], second[0][k, j], second[1][k, j])
             written = [
-                "" if math.isnan(number) else f"{number:.3g}" if i % 2 else f"{number:.7f}"
+                "" if math.isnan(number) else f"{number:.3g}" if i % 2 else f"{number:z.7f}"
                 for i, number in enumerate(numbers)
             ]
             lines.append([name, f"{time:.10g}", quantity, *written, engine if written[2] else ""])

@@ -166,8 +166,8 @@ def draw(path, values):
     half = np.interp(0.5, ours["survival"][::-1], np.sqrt(values["variances"])[::-1])
     last, end = (values["density"][-1][name] for name in ("variance", "survival"))
     title = (
-        f"Paper Fig. 7: half of the blocks stand for {values['cycles']} cycles at σ = {half:.2g}; at "
-        f"{np.sqrt(last):g}, by the density, {end:.0e}"
+        f"Paper Fig. 7: half of the blocks stand for {values['cycles']} cycles at σ = {half:.2g} of band "
+        f"noise, {end:.0e} at {np.sqrt(last):g} of the white equivalent"
     )
     note = (
         f"Bars: 95 % intervals of {count:,} realizations of band noise, {PHASE_TIMES * count:,} in (d). The density "
