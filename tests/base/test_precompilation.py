@@ -95,6 +95,7 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
     assert "fpk-rocking" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_density_loads_no_library_that_it_does_not_use(scene):
     # numba itself loads scipy.linalg, before its first kernel.
     heavy = ("scipy.integrate", "scipy.ndimage", "scipy.special", "scipy.stats", "matplotlib", "skfem")

@@ -55,7 +55,13 @@ def test_the_density_keeps_to_the_values(name):
 
 @pytest.mark.parametrize(
     "name",
-    ["exact-band", "exact-start", pytest.param("record-band", marks=pytest.mark.slow), "exponential", "kanai-tajimi"],
+    [
+        "exact-band",
+        "exact-start",
+        pytest.param("record-band", marks=pytest.mark.slow),
+        pytest.param("exponential", marks=pytest.mark.slow),
+        "kanai-tajimi",
+    ],
 )
 def test_sampling_keeps_to_the_values(name):
     """Of 20,000 paths of another seed. False alarms: below 1e-3 for each scene."""

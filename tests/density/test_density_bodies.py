@@ -90,6 +90,7 @@ def test_noise_is_carried_through_an_impact_with_the_restitution_of_its_side(sid
     assert min(factors) < 0.97
 
 
+@pytest.mark.slow
 def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_density():
     image = SCENE.varied(
         block=Block(body=Body(1.1, 0.42, 0.30, 0.62)), forcing=SHAKING.at_phase(0.4 + math.pi), start=Start(-0.2, 0.0)
@@ -102,10 +103,10 @@ def test_the_mirror_image_of_a_body_has_the_mirror_image_of_its_density():
     assert np.abs(reflected(second.coefficients[-1]) - first.coefficients[-1]).max() < 1e-8
 
 
-@pytest.mark.parametrize("paths", [2_000, pytest.param(20_000, marks=pytest.mark.slow)])
-def test_a_body_falls_as_often_as_in_metres_and_seconds(paths):
+@pytest.mark.slow
+def test_a_body_falls_as_often_as_in_metres_and_seconds():
     """Paths of a leapfrog, extrapolated, to either side: 4 standard errors are wrong once in 8,000 seeds."""
-    alpha, rate, start = STATUE.critical_angle, STATUE.frequency_parameter, SCENE.varied(start=Start())
+    alpha, rate, start, paths = STATUE.critical_angle, STATUE.frequency_parameter, SCENE.varied(start=Start()), 20_000
     unit, end = body_paths.G * alpha, 2.0 * SCENE.period / rate
 
     def base(time):
@@ -120,6 +121,7 @@ def test_a_body_falls_as_often_as_in_metres_and_seconds(paths):
     assert outflow == pytest.approx(2.0 * fine - coarse, abs=4e-3 + 4.0 * math.sqrt(5.0 * 0.2 / paths))
 
 
+@pytest.mark.slow
 def test_the_operator_decays_as_the_density_and_repeats_after_a_whole_cycle():
     operator = MeshOperator(SCENE, RESOLUTIONS[0], MOTION, velocity_bound(SCENE, 0.03))
     survival = propagator(SCENE).propagate(SCENE.period * np.arange(11)).survival
@@ -153,6 +155,7 @@ def test_a_symmetric_body_is_the_rectangle():
     assert Dynamics.of(SCENE.varied(block=body)) == Dynamics.of(SCENE.varied(block=rectangle))
 
 
+@pytest.mark.slow
 def test_a_pulse_on_a_body_agrees_with_paths():
     """To either side and in survival, at two times: 4 standard errors are wrong once in 3,000 seeds."""
     body, pulse, size = Body(1.09, 0.30, 0.43, 0.70), Pulse("one-cosine", 3.4, 3.9), 20_000
@@ -193,6 +196,7 @@ def test_a_body_sticks_by_the_means_over_both_sides():
         assert (rule.until(0.0) == np.inf) is sticks
 
 
+@pytest.mark.slow
 def test_a_body_that_is_all_but_symmetric_has_the_density_of_the_symmetric_one():
     """It sticks, is lifted off twice by a slow pulse, and sticks again."""
     scene = Scene(Block((0.7, 0.7), body=Body(1.0, 0.3, 0.3, 0.6)), Pulse("n-sine", 1.25, 1.2, 1), WhiteNoise(1e-3))

@@ -332,7 +332,7 @@ def test_without_noise_the_rate_is_that_of_the_share_of_motions_that_overturn():
     beyond = parts[grid[:-1] >= 3.0].sum() / parts.sum()
     assert result.risk.beyond_hazard == pytest.approx(beyond + parts[grid[:-1] < 0.2].sum() / parts.sum(), abs=1e-4)
     assert result.risk.interval[0] < result.risk.rate < result.risk.interval[1]
-    assert "By all intensities at which each motion overturns" in result.text()
+    assert "Computed from every intensity at which a motion overturns the block" in result.text()
 
 
 @pytest.mark.parametrize(("count", "low", "high"), [(24, 0.3, 3.0), (8, 0.2, 0.8), (48, 0.05, 10.0)])

@@ -79,8 +79,8 @@ def test_the_rate_of_a_refined_curve_is_by_its_points_and_within_its_limits():
     assert by_points.rate == pytest.approx(inside / (1.0 - by_points.below_curve), rel=5e-3)
     assert by_fit.rate == pytest.approx(2.0 * by_points.rate, rel=0.1)
     assert by_points.interval == pytest.approx((by_points.rate, by_fit.rate), rel=1e-6)
-    assert "By the points, joined by lines" in by_points.sentences[0]
-    assert "By the lognormal curve" in by_fit.sentences[0]
+    assert "Computed from the points, joined by lines" in by_points.sentences[0]
+    assert "Computed from the lognormal curve" in by_fit.sentences[0]
 
 
 @functools.cache
