@@ -179,12 +179,12 @@ class Risk(Result):
         """Text of the return period and the probability in 50 years, or their limits if the rate is 0; or empty."""
         low, high = self.interval
         if self.rate > 0.0:
-            years, probability = f"{self.return_period:.3g} years", f"{self.probability():.2g}"
+            years, probability = f"{years_text(self.return_period, 3)} years", f"{self.probability():.2g}"
             if low > 0.0:
-                years += f" ({1.0 / high:.2g} to {1.0 / low:.2g})"
+                years += f" ({years_text(1.0 / high, 2)} to {years_text(1.0 / low, 2)})"
                 probability += f" ({-math.expm1(-50.0 * low):.2g} to {-math.expm1(-50.0 * high):.2g})"
         elif high > 0.0:
-            years = f"above {1.0 / high:.3g} years"
+            years = f"above {years_text(1.0 / high, 3)} years"
             probability = f"below {-math.expm1(-50.0 * high):.2g}"
         else:
             return ""
@@ -319,6 +319,12 @@ def _by_jumps(curve, hazard, limits):
     share = np.array([above(edge).mean() for edge in edges]) / rate
     first, last = (above(point).mean() / rate for point in hazard.intensity[[0, -1]])
     return Risk(rate, limits, edges, -np.diff(share), 1.0 - first + last, 0.0, 0.0, curve, hazard)
+
+
+def years_text(years: float, digits: int) -> str:
+    """Return a number of years as a text of so many significant digits, as "4,980"."""
+    rounded = float(f"{years:.{digits}g}")
+    return f"{rounded:,.0f}" if 10.0 <= rounded < 1e7 else f"{rounded:g}"
 
 
 def rate_text(rate: float) -> str:

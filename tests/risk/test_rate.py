@@ -11,7 +11,7 @@ from suites import SCALES, SIZE, curve_of, record, suite
 from fpk_rocking import Block, NoNoise, Scene
 from fpk_rocking.results.trust import CAUTION, UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
-from fpk_rocking.risk.rate import rate_text
+from fpk_rocking.risk.rate import rate_text, years_text
 from fpk_rocking.studies.lognormal import LognormalFit
 
 
@@ -147,7 +147,10 @@ def test_where_nothing_overturns_the_upper_limits_are_above_zero():
     assert risk.title == f"annual rate of overturning below {wanted:.2e} (95 %: none of 8 overturned)".replace(
         "e-0", "e-"
     )
-    assert f": return period above {1.0 / wanted:.3g} years, probability in 50 years below " in risk.sentences[0]
+    assert (
+        f": return period above {years_text(1.0 / wanted, 3)} years, probability in 50 years below "
+        in risk.sentences[0]
+    )
     alone = annual_frequency(IntensityCurve.of(suite(np.zeros((1, 12)), scenes[:1], 1), "PGV"), risk.hazard)
     assert alone.sentences[0].startswith(
         "no annual rate of overturning: no motion overturned the block up to the highest intensity. Computed from the "
@@ -164,3 +167,11 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
     without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
     assert math.isnan(annual_frequency(without, law).lognormal_rate)
+
+
+def test_years_are_plain_numbers():
+    texts = [
+        years_text(years, digits)
+        for years, digits in ((4981.2, 3), (372.9, 2), (9261.0, 2), (3.14159, 3), (2.345e9, 3))
+    ]
+    assert texts == ["4,980", "370", "9,300", "3.14", "2.34e+09"]
