@@ -159,17 +159,18 @@ class Risk(Result):
         else:
             through = "the points, joined by lines"
         at_once = " (all probabilities at their lower, or all at their upper limits, as there is no fit)"
-        wide = ", by the lognormal curve" if self.curve.fitted else at_once
-        limits = f"; the limits contain the sampling of {sampled}{wide}" * bool(sampled)
+        limits = f"; the limits contain the sampling of {sampled}{at_once * (not self.curve.fitted)}" * bool(sampled)
+        by_fit = self.lognormal_rate
+        if self.rate > 0.0 and abs(by_fit / self.rate - 1.0) > 0.02:
+            through += (
+                ". By the lognormal curve, which files for OpenQuake and pelicun carry, the rate is "
+                f"{rate_text(by_fit)}"
+            )
+            limits = f"; the limits are those of this curve, and contain the sampling of {sampled}" * bool(sampled)
         text = (
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
             "The hazard and the model of the block count as known."
         )
-        by_fit = self.lognormal_rate
-        if self.rate > 0.0 and abs(by_fit / self.rate - 1.0) > 0.02:
-            text += (
-                f" The lognormal curve, which files for OpenQuake and pelicun carry, gives {rate_text(by_fit)} a year."
-            )
         if not self.curve.jumps.size:
             text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]

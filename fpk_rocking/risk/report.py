@@ -51,10 +51,11 @@ def write_risk_report(path: File, study: Any, command: str = "") -> int:
     risk, curve, scenes = study.risk, study.curve, study.motions
     title = f"{study.name}: {study.title}"
     # The table of the motions says the same.
-    lines = [*motion_lines(study.table(), curve.measure), study.about_critical]
+    lines = [*motion_lines(study.table(), curve.measure), study.about_critical, study.about_correction]
     first, *words = (text for text in study.text().splitlines() if not text.startswith("trust: "))
     parts = [
         f"<p>{html.escape(_untitled(first, study.title))}</p>",
+        f"<p>{html.escape(study.about_correction)}</p>" * bool(study.about_correction),
         study.trust.html,
         f"<p>{html.escape(study.origin())}</p>",
         "<h2>Block</h2>",
@@ -208,8 +209,9 @@ def _motions(study):
     """
     table, curve = study.table(), study.curve
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
-    names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "overturn_s": "overturns, s", "overturn_side": "to the"}
-    names |= {"peak_rotation": "largest |θ|/α", "critical_scale": "critical scale"}
+    names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "pgv_as_recorded_m_per_s": "PGV as recorded, m/s"}
+    names |= {"overturn_s": "overturns, s", "overturn_side": "to the"}
+    names |= {"peak_rotation": "largest |θ|/α", "critical_scale": f"factor at critical {curve.measure}"}
     unit = f"{curve.measure}, {curve.unit}"
     names |= {"critical_intensity": f"critical {unit}", "always_intensity": f"always from {unit}"}
     names["equivalent_intensity"] = f"equivalent {unit}"
@@ -236,7 +238,13 @@ def _sources(curve):
 def _points(curve):
     """Return a dict of columns, arrays of texts (n,) by their heads, of the points of an `IntensityCurve`."""
     of_fit = " of the fit" * curve.fitted
-    names = f"{curve.measure}, {curve.unit}", "mean", f"low{of_fit} (95 %)", f"high{of_fit} (95 %)", "lognormal"
+    names = (
+        f"{curve.measure}, {curve.unit}",
+        "mean of the motions",
+        f"low{of_fit} (95 %)",
+        f"high{of_fit} (95 %)",
+        "lognormal",
+    )
     columns = curve.dataset().table().values()
     return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
 

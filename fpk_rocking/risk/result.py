@@ -158,7 +158,7 @@ class Study(Result):
     def remarks(self) -> tuple[str, ...]:
         """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
         few = f"{self.curve.records} motions are few: 30 are needed to rely on the scatter between them."
-        remarks = [few * (1 < self.curve.records < MANY), self._standing(), self._of_correction()]
+        remarks = [self.about_correction, few * (1 < self.curve.records < MANY), self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
 
     def _standing(self):
@@ -170,8 +170,9 @@ class Study(Result):
         end = f"at {FARTHEST:,.0f} times the acceleration that lifts it off, where the search ends"
         return f"The block stands {end}, under {names}. For the limits, such a motion overturns it above that."
 
-    def _of_correction(self):
-        """Return what the correction of the baselines changes of probabilities and rate, a text; empty without one."""
+    @property
+    def about_correction(self) -> str:
+        """What the correction of the baselines changes of probabilities and rate, a sentence; empty without one."""
         if not corrected(self.recorded):
             return ""
         if self.uncorrected is None:
@@ -179,12 +180,13 @@ class Study(Result):
         change = np.abs(self.uncorrected.probability - self.curve.probability)
         place = int(change.argmax())
         intensity = f"{self.curve.measure} {self.curve.intensity[place]:.3g} {self.curve.unit}"
-        text = f"Without the correction P({self.curve.name}) would differ by up to {change[place]:.2g} (at {intensity})"
+        text = f"Without the correction of the baselines P({self.curve.name}) would differ by up to "
+        text += f"{change[place]:.2g} (at {intensity})"
         if self.risk is None:
             return f"{text}."
         rate = annual_frequency(self.uncorrected, self.risk.hazard).rate
         ratio = f", {rate / self.risk.rate:.3g} times this one" if self.risk.rate > 0.0 else ""
-        return f"{text}, and the annual rate would be {rate_text(rate)}{ratio}."
+        return f"{text}, and the annual rate would be {rate_text(rate)}{ratio}; the limits do not contain this."
 
     def text(self) -> str:
         """Return rate, verdict, fit, remarks, and deviances by measure as lines of one text."""
@@ -202,7 +204,8 @@ class Study(Result):
             low, high = fit.median_interval
             text = f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], "
             text += f"dispersion {fit.dispersion:.3g}" + f", of which {curve.parts}" * bool(curve.parts)
-            misfit = f"largest distance of the curve from the mean over the motions {fit.misfit:.2g}"
+            misfit = "largest distance of the curve from the mean over the motions"
+            misfit += f"{', at any intensity,' * bool(curve.jumps.size)} {fit.misfit:.2g}"
             if fit.rejected:
                 misfit += f": the fit is rejected ({fit.rejected}). {points}"
             elif math.isfinite(fit.p_value):
@@ -230,17 +233,21 @@ class Study(Result):
         if self.curve.records == 1 or len(rankings) < 2:
             return []
         texts = (f"{ranking.measure} {ranking.deviance:.4g}" for ranking in rankings)
-        return [
-            f"Deviance of the outcomes from a curve over each intensity measure, least is best: {'; '.join(texts)}."
-        ]
+        text = (
+            "Deviance (-2 ln of the likelihood) of a lognormal curve over each intensity measure, the lower the better"
+        )
+        return [f"{text}: {'; '.join(texts)}."]
 
     def dataset(self) -> Dataset:
         """Return the `Dataset` (named arrays), whose table has a row for each motion at its own scale.
 
-        Its columns are name, PGA and PGV, and without noise those of `critical`.
+        Its columns are name, PGA and PGV, without noise those of `critical`, and the PGV before the baseline was
+        corrected.
         Beside the table the curve, and the probability of each motion, over the intensity.
         """
         columns, curve = motion_table(self.recorded, self.critical), self.curve.dataset()
+        if corrected(self.recorded):
+            columns["pgv_as_recorded_m_per_s"] = np.array([_recorded_pgv(scene.forcing) for scene in self.recorded])
         variables = {name: ("motion", values) for name, values in columns.items() if name != "motion"}
         by_motion = {"probability_of_motion": (("motion", *curve.rows), self.records)}
         places = {"motion": columns["motion"].tolist()} | curve.coordinates
@@ -336,3 +343,9 @@ def _remove_exports(folder):
 def corrected(scenes: Sequence[Scene]) -> bool:
     """Whether the baseline of the motion of any scene is corrected (bool)."""
     return any(getattr(scene.forcing, "baseline", "none") != "none" for scene in scenes)
+
+
+def _recorded_pgv(forcing):
+    """Return the PGV (m/s, float) of a `forcing` before its baseline was corrected; nan of one that is no record."""
+    correction = getattr(forcing, "correction", None)
+    return math.nan if correction is None else forcing.scale * correction.pgv

@@ -47,8 +47,8 @@ def critical_text(measure: str) -> str:
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
         "at least. Above it the block may stand again, until it always overturns. P(overturned) is the share of the "
         f"motions that overturn the block at a {measure}: it may be below the share of those whose critical {measure} "
-        f"is lower. A lognormal fit takes each motion at its equivalent {measure}: a block that overturned at all "
-        f"above that would do so over the same total range of ln({measure})."
+        f"is lower. A lognormal fit takes each motion at its equivalent {measure}: the one threshold above which "
+        f"it would overturn the block over the same total range of ln({measure})."
     )
 
 
@@ -305,8 +305,8 @@ def factor_diagnostics(factor: Array) -> list[Diagnostic]:
     if not far.size:
         return []
     sentence = (
-        f"{far.size} of {factor.size} motions overturn the block at more than {LARGEST_FACTOR:g} times their own "
-        f"strength, up to {far.max():.3g} times. Common advice is to scale a record by 4 or 5 at most (reviewed by "
+        f"{far.size} of {factor.size} motions overturn the block first at more than {LARGEST_FACTOR:g} times their "
+        f"own strength, up to {far.max():.3g} times. Common advice is to scale a record by 4 or 5 at most (reviewed by "
         "Bommer and Acevedo, J. Earthquake Eng. 8(S1), 43-91, 2004): strong motions differ from weak ones in frequency "
         "content and duration, which no factor changes. Take stronger records."
     )

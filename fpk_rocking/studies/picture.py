@@ -242,20 +242,25 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     """Draw an `IntensityCurve` on matplotlib `axes`: the probability with its limits, and the curve that is used.
 
-    `records` (r, n): the probabilities of each motion at the curve's intensities, drawn too where there are several.
+    `records` (r, n): the probabilities of each motion at the curve's intensities, drawn too where there are several;
+    without noise their mean is, at all intensities, as each jumps many times.
     """
-    colour = pictures.COLOURS[0]
-    for number, row in enumerate(records if len(records) > 1 else ()):
+    grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
+    searched = curve.jumps.size > 0
+    if searched and len(records) > 1:
+        label = f"share of the {len(records)} motions"
+        axes.plot(*curve.outcomes[:2], color="0.6", linewidth=0.8, label=label)
+    for number, row in enumerate(records if len(records) > 1 and not searched else ()):
         label = "" if number else f"each of {len(records)} records"
         axes.plot(curve.intensity, row, color="0.75", linewidth=0.6, label=label)
-    look = {"color": colour, "marker": "o", "zorder": 3}
-    banded = len(curve.replicates) and curve.fitted
-    if banded:
-        axes.plot(curve.intensity, curve.probability, linestyle="", label="mean", **look)
+    look = {"color": pictures.COLOURS[0], "marker": "o", "zorder": 3}
+    if curve.records > 1 and curve.fitted:
+        # The limits are those of the curve, not of the points.
+        label = "at the intensities of the table" if searched else "mean of the motions"
+        axes.plot(curve.intensity, curve.probability, linestyle="", label=label, **look)
     else:
         pictures.error_bars(axes, curve.intensity, curve.probability, curve.interval, label="mean, 95 % limits", **look)
-    grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
-    if banded:
+    if len(curve.replicates) and curve.fitted:
         from scipy import special
 
         medians, spreads = curve.replicates.T[:, :, None]

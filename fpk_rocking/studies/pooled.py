@@ -262,7 +262,7 @@ class IntensityCurve(Result):
         """Parts of the dispersion with their standard errors, as a text."""
         errors = self.source_errors
         return ", ".join(
-            f"{name} {value:.3g} ± {errors.get(name, math.nan):.1g}" for name, value in self.sources.items()
+            f"{name} {value:.3g} ± {errors.get(name, math.nan):.2g}" for name, value in self.sources.items()
         )
 
     @classmethod

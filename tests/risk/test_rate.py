@@ -163,7 +163,7 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, refined=True), law)
     assert along.lognormal_rate == pytest.approx(closed, rel=1e-9)
     assert along.rate < 0.7 * closed
-    assert f"carry, gives {rate_text(closed)} a year." in along.sentences[0]
+    assert f"carry, the rate is {rate_text(closed)}; the limits are those of this curve" in along.sentences[0]
     assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
     without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
     assert math.isnan(annual_frequency(without, law).lognormal_rate)

@@ -1,5 +1,6 @@
 """What the report of a risk says of its motions and draws of its block, and its pictures: every line, bar and band."""
 
+import dataclasses
 import html
 import re
 import types
@@ -65,7 +66,7 @@ def test_the_curve_has_its_points_its_records_and_its_band(axes):
     records = [line for line in axes.lines if line.get_color() == "0.75"]
     assert [line.get_ydata().tolist() for line in records] == rows.tolist()
     assert records[0].get_label() == "each of 3 records"
-    assert np.array_equal(lines["mean"].get_xydata(), np.stack([SCALES, risk.curve.probability], axis=1))
+    assert np.array_equal(lines["mean of the motions"].get_xydata(), np.stack([SCALES, risk.curve.probability], axis=1))
     assert not axes.containers
     grid, values = lines["lognormal fit"].get_data()
     assert (grid[0], grid[-1]) == pytest.approx((0.8 * SCALES[0], 1.25 * SCALES[-1]))
@@ -75,6 +76,19 @@ def test_the_curve_has_its_points_its_records_and_its_band(axes):
     corners = band.get_paths()[0].vertices[:, 1]
     assert (corners.min(), corners.max()) == pytest.approx((limits.min(), limits.max()), abs=1e-12)
     assert set(np.round(limits.ravel(), 9)) <= set(np.round(corners, 9))
+
+
+def test_without_noise_the_share_of_the_motions_is_drawn_at_all_intensities(axes):
+    """Of three motions one overturns the block from .5 to .6 and from .9 on, the others from .7 and .8 on."""
+    jumps = np.array([[[0.5, 0.6, 0.9]], [[0.7, np.nan, np.nan]], [[0.8, np.nan, np.nan]]])
+    curve = dataclasses.replace(risk_of(LognormalFit(0.7, 0.4, misfit=0.0), [(0.7, 0.4)]).curve, jumps=jumps, units=3)
+    report.draw_curve(axes, curve, np.zeros((3, 12)))
+    (line,) = (drawn for drawn in axes.lines if drawn.get_label() == "share of the 3 motions")
+    places, share = line.get_data()
+    assert np.interp([0.45, 0.55, 0.65, 0.75, 0.85, 0.95], places, share, 0.0) == pytest.approx(
+        np.array([0, 1, 0, 1, 2, 3]) / 3
+    )
+    assert not any(drawn.get_color() == "0.75" for drawn in axes.lines)
 
 
 def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):

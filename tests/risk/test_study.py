@@ -494,7 +494,12 @@ def test_what_a_correction_of_baselines_changes_of_the_rate_is_said():
     corrected = study(block, drifting, hazard, [0.3, 3.0], baseline="high-pass")
     (text,) = [text for text in corrected.remarks if text.startswith("Without the correction")]
     rate = f"{raw.risk.rate:.2e}".replace("e-0", "e-")
-    assert text.endswith(f"annual rate would be {rate}, {raw.risk.rate / corrected.risk.rate:.3g} times this one.")
+    ratio = f"{raw.risk.rate / corrected.risk.rate:.3g}"
+    assert text.endswith(f"annual rate would be {rate}, {ratio} times this one; the limits do not contain this.")
+    as_recorded = corrected.table()["pgv_as_recorded_m_per_s"]
+    assert as_recorded == pytest.approx(raw.table()["pgv_m_per_s"], rel=2e-3)  # at samples, and between them
+    assert (as_recorded > 1.01 * corrected.table()["pgv_m_per_s"]).all()
+    assert "pgv_as_recorded_m_per_s" not in raw.table()
     change = np.abs(raw.curve.probability - corrected.curve.probability).max()
     assert f"would differ by up to {change:.2g} (at PGV " in text
     assert text in corrected.text()

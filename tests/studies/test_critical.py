@@ -121,7 +121,7 @@ def test_a_large_factor_is_a_caution():
     assert factor_diagnostics(np.array([0.5, 5.0, math.inf])) == []
     (caution,) = factor_diagnostics(np.array([0.5, 7.3, math.inf]))
     assert caution.severity == 1
-    assert caution.message.startswith("1 of 3 motions overturn the block at more than 5 times their own strength")
+    assert caution.message.startswith("1 of 3 motions overturn the block first at more than 5 times their own strength")
     assert "up to 7.3 times" in caution.message
 
 
