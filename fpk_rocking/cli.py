@@ -196,8 +196,7 @@ def _fragility(options):
     from fpk_rocking.base.files import write_json
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import IntensityCurve, drawn, fragility
-    from fpk_rocking.studies.critical import motion_table
-    from fpk_rocking.studies.motions import motion_lines
+    from fpk_rocking.studies.motions import motion_lines, motion_table
     from fpk_rocking.studies.picture import curve_table, fragility_table
 
     scenes, over = shaken_scenes(options), None

@@ -23,8 +23,7 @@ from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diag
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
-_DEVIATIONS = 4.0
-_DISTANCES = "l1", "l1_floor", "hellinger", "hellinger_floor"
+_DEVIATIONS, _DISTANCES = 4.0, ("l1", "l1_floor", "hellinger", "hellinger_floor")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

@@ -28,7 +28,8 @@ _CITE = (
 )
 _LEFT = (
     "The dispersion contains the sources that are listed and no others: neither that of the hazard, nor of the model "
-    "of the block, nor of values of the block that were not declared uncertain."
+    "of the block, nor of values of the block that were not declared uncertain "
+    "(--uncertain, as in --uncertain block.restitution_factor=uniform:0.93:1)."
 )
 
 
@@ -130,7 +131,7 @@ def _block(scene, draws):
     else:
         own, lengths = False, {name.replace("_", " "): getattr(size, name) for name in LENGTHS}
     rows = {name: f"{value:.4g} m" for name, value in lengths.items()} | {
-        "critical angle α": f"{math.degrees(size.critical_angle):.4g}°",
+        "critical angle θ_cr": f"{math.degrees(size.critical_angle):.4g}°",
         "frequency parameter p": f"{size.frequency_parameter:.4g} rad/s",
         "restitution": f"{scene.block.restitution_text('.4g')}{', Housner' * own}",
         "lifts off at": f"{scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY:.4g} g",
@@ -162,7 +163,7 @@ def _sketch(size):
     corner = x if easy else x + w
     below = f"{width:.3g} m" if left is None else f"{left:.3g} m | {right:.3g} m"
     beside = f"{height:.3g} m" if left is None else f"{0.5 * height:.3g} m"
-    angle = f"α = {math.degrees(size.critical_angle):.3g}°"
+    angle = f"θ_cr = {math.degrees(size.critical_angle):.3g}°"
     return (
         f"<svg width='{w + 150:.0f}' height='{h + 60:.0f}' role='img' aria-label='The block'>"
         f"<rect x='{x:.1f}' y='{y:.1f}' width='{w:.1f}' height='{h:.1f}' fill='#dbe7f0' {line}{outline}/>"
@@ -211,7 +212,7 @@ def _motions(study):
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "pgv_as_recorded_m_per_s": "PGV as recorded, m/s"}
     names |= {"overturn_s": "overturns, s", "overturn_side": "to the"}
-    names |= {"peak_rotation": "largest |θ|/α", "critical_scale": f"factor at critical {curve.measure}"}
+    names |= {"peak_rotation": "largest |θ|/θ_cr", "critical_scale": f"factor at critical {curve.measure}"}
     unit = f"{curve.measure}, {curve.unit}"
     names |= {"critical_intensity": f"critical {unit}", "always_intensity": f"always from {unit}"}
     names["equivalent_intensity"] = f"equivalent {unit}"

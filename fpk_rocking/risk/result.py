@@ -20,11 +20,11 @@ from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.export import NAMES, not_for_pelicun, to_nrml, to_pelicun
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import CriticalIntensities, critical_text, factor_diagnostics, motion_table
+from fpk_rocking.studies.critical import CriticalIntensities, critical_text, factor_diagnostics
 from fpk_rocking.studies.drawing import Draws
 from fpk_rocking.studies.jumps import FARTHEST
 from fpk_rocking.studies.lognormal import ranked
-from fpk_rocking.studies.motions import intensity_of, motion_lines
+from fpk_rocking.studies.motions import intensity_of, motion_lines, motion_table
 from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
 
@@ -145,7 +145,8 @@ class Study(Result):
         if same:
             sentence = f"{same} of {len(motions)} motions are the same as another one."
             against.append(Diagnostic(CAUTION, sentence, "equal records"))
-        against += factor_diagnostics(self.factors)
+        always = None if self.critical is None else self.critical.always / self.critical.own
+        against += factor_diagnostics(self.factors, always)
         if MOVED < self.moved < math.inf:
             sentence = (
                 f"The rate still moved by {100.0 * self.moved:.2g} % with the last of {self.added} intensities that "
@@ -245,7 +246,8 @@ class Study(Result):
         corrected.
         Beside the table the curve, and the probability of each motion, over the intensity.
         """
-        columns, curve = motion_table(self.recorded, self.critical), self.curve.dataset()
+        curve = self.curve.dataset()
+        columns = self.critical.table() if self.critical else motion_table(self.recorded)
         if corrected(self.recorded):
             columns["pgv_as_recorded_m_per_s"] = np.array([_recorded_pgv(scene.forcing) for scene in self.recorded])
         variables = {name: ("motion", values) for name, values in columns.items() if name != "motion"}

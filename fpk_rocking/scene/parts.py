@@ -1,7 +1,5 @@
 """Body, block, start and overturning of a scene, each checked when it is made.
 
-Its forcings are in `physics.forcing`, its noises in `physics.noise.kinds`.
-
 A `Body` is rigid, of any shape, and rocks about two corners (derived in docs/theory). Its plane of motion is a plane of
 symmetry. With the centre of mass G at the height h, at the distance b_s from the corner of the side s, and the radius
 of gyration r about G, the side has R_s² = h² + b_s², the critical angle α_s = atan(b_s/h), and p_s² = g R_s / (r² +

@@ -15,14 +15,7 @@ from fpk_rocking.base.checks import File
 from fpk_rocking.physics.forcing import FORCINGS, Forcing
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
-from fpk_rocking.physics.noise.kinds import (
-    FREQUENCIES,
-    NOISES,
-    BandNoise,
-    FilteredNoise,
-    NoNoise,
-    WhiteNoise,
-)
+from fpk_rocking.physics.noise.kinds import FREQUENCIES, NOISES, BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.scene.parts import Block, Body, Overturning, Start, check_cutoff, shaking_of_block, size_of_block
 from fpk_rocking.scene.text import change_document, fields_of, read_part, table_of, with_harmonics, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, in_units

@@ -31,7 +31,7 @@ from fpk_rocking.studies.jumps import (
     overturns,
     search,
 )
-from fpk_rocking.studies.motions import intensity_of, measure_of, measured, motion_names, recorded_scenes
+from fpk_rocking.studies.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
 from fpk_rocking.studies.scenes import checked_scenes
 
 
@@ -175,7 +175,7 @@ class CriticalIntensities(Saved, Result):
             for scene, scales in pairs
             for diagnostic in scene_diagnostics(scene, "", scales=scales)
         }
-        return [*of_scenes.values(), *factor_diagnostics(self.factor)]
+        return [*of_scenes.values(), *factor_diagnostics(self.factor, self.always / self.own)]
 
     @property
     def reason_if_ok(self) -> str:
@@ -250,30 +250,6 @@ class CriticalIntensities(Saved, Result):
         return figure_of(panel)
 
 
-def motion_table(scenes: Sequence[Scene], critical: CriticalIntensities | None = None) -> dict[str, Array]:
-    """Return columns by name, with a row for the motion of each scene.
-
-    They are "motion" (its name), "pga_g" and "pgv_m_per_s" (nan without dimensions), and with `critical` all of its
-    table.
-
-    Parameters
-    ----------
-    scenes : sequence of Scene, (m,)
-        At the motions' own scales.
-    critical : CriticalIntensities, optional
-        Of these scenes, without noise: its table is returned.
-
-    Returns
-    -------
-    dict of str to ndarray, (m,)
-    """
-    if critical is not None:
-        return critical.table()
-    measures = [measured(scene).columns(1.0) for scene in scenes]
-    columns = {name: np.array([row[name] for row in measures]) for name in ("pga_g", "pgv_m_per_s")}
-    return {"motion": np.array(motion_names(scenes))} | columns
-
-
 def seconds_of(scenes: Sequence[Scene], times: Array) -> Array:
     """Return `times` τ (m,), one of each scene, in seconds (m,); nan for a block without dimensions."""
     sizes = [scene.block.size for scene in scenes]
@@ -296,19 +272,22 @@ def intervals_text(jumps: Array) -> str:
     return "; ".join(f"{begin}-{end}" for begin, end in zip(texts[::2], [*texts[1::2], ""], strict=False))
 
 
-def factor_diagnostics(factor: Array) -> list[Diagnostic]:
+def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagnostic]:
     """Return a list with a `Diagnostic` if motions overturn a block only when scaled far up; else an empty list.
 
-    `factor` (m,): factor of each motion's own acceleration from which it does, inf for none.
+    `factor` (m,): factor of each motion's own acceleration from which it does, inf for none; `always` (m,): that from
+    which it does so at every larger one.
     """
     far = factor[np.isfinite(factor) & (factor > LARGEST_FACTOR)]
     if not far.size:
         return []
+    longer = 0 if always is None else int((always > LARGEST_FACTOR).sum())
+    more = f", and under {longer} it may still stand above {LARGEST_FACTOR:g} times" * (longer > far.size)
     sentence = (
         f"{far.size} of {factor.size} motions overturn the block first at more than {LARGEST_FACTOR:g} times their "
-        f"own strength, up to {far.max():.3g} times. Common advice is to scale a record by 4 or 5 at most (reviewed by "
-        "Bommer and Acevedo, J. Earthquake Eng. 8(S1), 43-91, 2004): strong motions differ from weak ones in frequency "
-        "content and duration, which no factor changes. Take stronger records."
+        f"own strength, up to {far.max():.3g} times{more}. Common advice is to scale a record by 4 or 5 at most "
+        "(reviewed by Bommer and Acevedo, J. Earthquake Eng. 8(S1), 43-91, 2004): strong motions differ from weak ones "
+        "in frequency content and duration, which no factor changes. Take stronger records."
     )
     return [Diagnostic(CAUTION, sentence, "large factors")]
 

@@ -360,3 +360,19 @@ def _deviance(logs, count, trials, curve):
     best = scipy.special.xlogy(count, count / trials) + scipy.special.xlogy(missed, missed / trials)
     z = curve[:, :1] + curve[:, 1:] * logs
     return 2.0 * (best.sum(axis=-1) - _likelihood(z, count, trials))
+
+
+def outcomes_text(scale: Array, curve: Array) -> str:
+    """Return at which of `scale` (n,) a path overturns, or reaches a level, as a text; `curve` (n,) is 0, 1 or nan."""
+    over = curve == 1.0
+    if not over.any():
+        return f"happens at none of {over.size} scales"
+    not_over = np.flatnonzero(~over)
+    always = not_over[-1] + 1 if not_over.size else 0
+    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
+    return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
+
+
+def limits_text(interval: tuple[float, float]) -> str:
+    """Return confidence limits, a pair of floats, as a text " (0.9 to 1.1)"; empty where they are nan."""
+    return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""

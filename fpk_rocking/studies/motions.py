@@ -6,6 +6,8 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing import Forcing, Record
@@ -251,6 +253,24 @@ def recorded_scenes(
         if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
             raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
     return [under_motion(scene, motion) for motion in motions]
+
+
+def motion_table(scenes: Sequence[Scene]) -> dict[str, Array]:
+    """Return columns by name, with a row for the motion of each scene at its own scale.
+
+    They are "motion" (its name), "pga_g" and "pgv_m_per_s" (nan without dimensions).
+
+    Parameters
+    ----------
+    scenes : sequence of Scene, (m,)
+
+    Returns
+    -------
+    dict of str to ndarray, (m,)
+    """
+    measures = [measured(scene).columns(1.0) for scene in scenes]
+    columns = {name: np.array([row[name] for row in measures]) for name in ("pga_g", "pgv_m_per_s")}
+    return {"motion": np.array(motion_names(scenes))} | columns
 
 
 def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = False) -> list[str]:

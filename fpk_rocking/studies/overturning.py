@@ -14,7 +14,7 @@ from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.probability import Probability
-from fpk_rocking.studies.stopping import QUANTILE, SideCounts, WantedError
+from fpk_rocking.studies.stopping import QUANTILE, SideCounts, WantedError, joined
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.splitting import split
 
@@ -341,7 +341,7 @@ class _Call:
             while True:
                 began = time.perf_counter()
                 seed = (self.run.seed + (total.walkers if total else 0)) % 2**64
-                total = _joined(total, split_scene(walkers=walkers, repeats=_REPEATS, seed=seed))
+                total = joined(total, split_scene(walkers=walkers, repeats=_REPEATS, seed=seed))
                 spent += time.perf_counter() - began
                 last = float(total.probability[-1])
                 error, wanted = _STUDENT * float(total.standard_error[-1]), self.wanted.of(last)
@@ -395,15 +395,3 @@ class _Call:
             interrupted=interrupted,
             seconds=time.perf_counter() - self.began,
         )
-
-
-def _joined(first, second):
-    """Return two `Splitting` of as many repeats as one: mean estimates of each repeat, weighted by the walkers.
-
-    `first` may be None.
-    """
-    if first is None:
-        return second
-    walkers = first.walkers + second.walkers
-    estimates = first.walkers * first.repeat_overturned + second.walkers * second.repeat_overturned
-    return dataclasses.replace(second, walkers=walkers, repeat_overturned=estimates / walkers)

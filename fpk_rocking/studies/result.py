@@ -15,11 +15,11 @@ from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import CriticalIntensities, motion_table
+from fpk_rocking.studies.critical import CriticalIntensities
 from fpk_rocking.studies.diagnostics import curve_diagnostics
 from fpk_rocking.studies.jumps import MotionOutcomes, overturns
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
-from fpk_rocking.studies.motions import Intensities, measure_of, measured, motion_names
+from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, limits_text, outcomes_text
+from fpk_rocking.studies.motions import Intensities, measure_of, measured, motion_names, motion_table
 from fpk_rocking.studies.pooled import IntensityCurve
 
 
@@ -185,7 +185,7 @@ class Fragility(Saved, Result):
     @property
     def motion_table(self) -> dict[str, Array]:
         """Columns (m,) by name, a row for each scene's motion: name, PGA, PGV; without noise those of `critical`."""
-        return motion_table(self.scenes, self.critical)
+        return self.critical.table() if self.critical else motion_table(self.scenes)
 
     @functools.cached_property
     def fits(self) -> list[list[LognormalFit]]:
@@ -199,7 +199,7 @@ class Fragility(Saved, Result):
     def _fit(self, curve, deterministic):
         """Return the `LognormalFit` of a `curve` (n,) of probabilities; of one path it has a reason alone."""
         if deterministic:
-            return LognormalFit(reason=f"deterministic: {_outcomes(self.scale, curve)}")
+            return LognormalFit(reason=f"deterministic: {outcomes_text(self.scale, curve)}")
         return fit_lognormal(self.scale, curve, self.realizations or None)
 
     @functools.cached_property
@@ -220,8 +220,9 @@ class Fragility(Saved, Result):
     @property
     def names_with_degrees(self) -> list[str]:
         """Labels as `names`, with the levels in degrees too where all blocks have one critical angle above 0."""
-        angle = math.degrees(_common([scene.block.critical_angle for scene in self.scenes]))
-        if not angle > 0.0:
+        angles = np.degrees([scene.block.critical_angle for scene in self.scenes])
+        angle = angles[0]  # Blocks of other sizes round it differently.
+        if not angle > 0.0 or np.ptp(angles) > 1e-9 * angle:
             return self.names
         return ["overturned", *(f"|Θ| ≥ {level:g} ({angle * level:.3g}°)" for level in self.level)]
 
@@ -317,8 +318,8 @@ class Fragility(Saved, Result):
         beyond = self._beyond(fit)
         if beyond and fit.rejected:
             return f"Lognormal ({where}): no median, {reached}, and the fit is rejected."
-        text = f"Lognormal ({where}): median {fit.median:.4g}{_limits(fit.median_interval)}, dispersion "
-        text += f"{fit.dispersion:.3g}{_limits(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
+        text = f"Lognormal ({where}): median {fit.median:.4g}{limits_text(fit.median_interval)}, dispersion "
+        text += f"{fit.dispersion:.3g}{limits_text(fit.dispersion_interval)}, largest misfit {fit.misfit:.2g}"
         text += f", p = {fit.p_value:.2g}" if np.isfinite(fit.p_value) else ""
         text += f"; the median is extrapolated, {reached}" * beyond
         measures = self.intensities[scene].at(fit.median)
@@ -389,25 +390,3 @@ class Fragility(Saved, Result):
         more = {"interval": self.interval(), "fits": fits, "intensities": measures, "trust": self.trust.plain}
         more["motions"] = self.motion_table
         return plain(values | more)
-
-
-def _outcomes(scale, curve):
-    """Return at which of `scale` (n,) a path overturns, or reaches a level, as a text; `curve` (n,) is 0, 1 or nan."""
-    over = curve == 1.0
-    if not over.any():
-        return f"happens at none of {over.size} scales"
-    not_over = np.flatnonzero(~over)
-    always = not_over[-1] + 1 if not_over.size else 0
-    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
-    return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
-
-
-def _common(values):
-    """Return the first of `values`, a list of float, where all are equal up to 1e-9 of it; nan where they differ."""
-    # Blocks of other sizes round a measure differently.
-    return values[0] if all(math.isclose(value, values[0], rel_tol=1e-9) for value in values) else np.nan
-
-
-def _limits(interval):
-    """Return confidence limits, a pair of floats, as a text " (0.9 to 1.1)"; empty where they are nan."""
-    return " ({:.4g} to {:.4g})".format(*interval) if np.isfinite(interval[0]) else ""

@@ -1,5 +1,6 @@
 """How many paths a wanted error needs, and what has been counted so far."""
 
+import dataclasses
 import math
 import statistics
 from typing import Any, NamedTuple
@@ -8,6 +9,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array
 from fpk_rocking.results.sampling import wilson_interval
+from montecarlo.splitting import Splitting
 
 QUANTILE = statistics.NormalDist().inv_cdf(0.975)
 """97.5 % point of the standard normal distribution."""
@@ -92,3 +94,15 @@ class SideCounts:
         """Larger distance of the shares that stand, overturned left and right from their 95 % limits, (rows, 3)."""
         limits = wilson_interval(self.columns, self.paths)
         return np.abs(limits - (self.columns / self.paths)[..., None]).max(axis=-1)
+
+
+def joined(first: Splitting | None, second: Splitting) -> Splitting:
+    """Return two `Splitting` of as many repeats as one: mean estimates of each repeat, weighted by the walkers.
+
+    `first` may be None.
+    """
+    if first is None:
+        return second
+    walkers = first.walkers + second.walkers
+    estimates = first.walkers * first.repeat_overturned + second.walkers * second.repeat_overturned
+    return dataclasses.replace(second, walkers=walkers, repeat_overturned=estimates / walkers)

@@ -5,8 +5,7 @@ and is a polynomial between grid points. Over an interval a block is carried in 
 a bound of the acceleration cannot exclude an event are looked at more closely. There are three kinds of flight:
 
 * A slender block is carried in closed form, s + P plus two exponentials, where P is the particular solution of forcing
-  and noise, and a polynomial like them. The state is these exponentials and the folded angle, which costs a few
-  operations an interval. Events are met by `physics.motion.crossing`.
+  and noise, and a polynomial like them. The state is these exponentials and the folded angle.
 * A slender block under noise with an envelope, η(τ) g(τ), is carried by what forcing and noise add to its angle and
   velocity over an interval. As g has kinks the product is not band-limited, and P is started anew in every interval.
 * An exact block, with an envelope or without, is carried by collocation (`physics.motion.collocation`), for which the

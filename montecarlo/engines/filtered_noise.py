@@ -3,8 +3,7 @@
 Over an interval the filter and the flight of a slender block, which are one linear system, are drawn together from
 their exact Gaussian law: the filter's states z at the interval's end, and the angle and velocity that the noise adds to
 the flight. The noise within the interval is the polynomial of least degree that has the drawn states at both ends and
-moves a flight by what was drawn: the conditional mean of the noise given all that, but for terms of relative order
-(interval times the filter's rate).
+moves a flight by what was drawn: the conditional mean given all that, up to relative order (interval × filter rate).
 
 Noise without a derivative crosses the level of lift-off between two such states, and keeps a block rattling that a
 smooth force would let rest. Where an event cannot be excluded it is therefore drawn in equal parts of the interval

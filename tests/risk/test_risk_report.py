@@ -149,7 +149,11 @@ def test_the_sketch_has_the_proportions_and_the_figures_of_the_block(size):
     width, height = (float(text) for text in re.search(r"<svg width='(\d+)' height='(\d+)'", drawn).groups())
     assert x + w < width
     assert y + h + 20.0 < height
-    for figure in (f"{size[0]:.3g} m", f"{size[1]:.3g} m", f"α = {Dimensions(*size).critical_angle * 57.29578:.3g}°"):
+    for figure in (
+        f"{size[0]:.3g} m",
+        f"{size[1]:.3g} m",
+        f"θ_cr = {Dimensions(*size).critical_angle * 57.29578:.3g}°",
+    ):
         assert f">{figure}</text>" in drawn
 
 
