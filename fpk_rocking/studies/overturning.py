@@ -22,6 +22,8 @@ __all__ = ["Probability", "probability"]
 
 _PILOT = 1000
 """Paths before anything is predicted."""
+_FEW, _FEW_S = 5, 1.0
+"""Overturned paths below which their share is too uncertain to choose another way by, and seconds to find more."""
 _SHORT_S = 1.0
 """Predicted seconds of paths below which nothing else is tried."""
 _SPLITTING_S = 5.0
@@ -159,6 +161,9 @@ class _Call:
                 path_s *= 1.0 + 1.0 / _FEWER
             answer = None
             while not self.reached:
+                if self._too_few(path_s):
+                    self.sample(min(self._next_stage(), math.ceil(self._few_s / path_s)))
+                    continue
                 needed = self.wanted.paths(self.counts.overturned, self.counts.paths)
                 seconds = (needed - self.counts.paths) * path_s
                 if self._density_pays(seconds):
@@ -167,7 +172,7 @@ class _Call:
                     answer = self._splitting(seconds, path_s)
                 if answer:
                     return answer
-                until = self.wanted.next_stage(self.counts.overturned, self.counts.paths)
+                until = self._next_stage()
                 if self._undecided(path_s):
                     until = min(until, math.ceil(self._trial_s / path_s))
                 else:
@@ -209,6 +214,22 @@ class _Call:
         least, most = self.wanted.range_of_paths(self.counts.overturned, paths)
         affordable = paths + self.limit_s / path_s
         return least <= affordable < most and paths * path_s < self._trial_s
+
+    def _too_few(self, path_s):
+        """Whether so few paths have overturned that more are sampled before anything else is tried (bool)."""
+        counts = self.counts
+        few = counts.overturned < _FEW and 2.0 * counts.paths * path_s < self._few_s
+        least, _ = self.wanted.range_of_paths(counts.overturned, counts.paths)
+        return few and least <= counts.paths + self.limit_s / path_s
+
+    @property
+    def _few_s(self):
+        """Seconds in which more overturned paths are looked for."""
+        return min(_FEW_S, self._trial_s)
+
+    def _next_stage(self):
+        """Return how many paths (int) there are to be after the next stage."""
+        return self.wanted.next_stage(self.counts.overturned, self.counts.paths)
 
     def _announce(self, needed, seconds):
         """Write on standard error that `needed` paths take `seconds`, if long; ValueError where above `limit_s`."""

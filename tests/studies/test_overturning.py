@@ -130,6 +130,29 @@ def test_splitting_where_overturning_is_rare(monkeypatch):
     assert answer.error <= 0.3 * answer.overturned
 
 
+def test_what_few_paths_have_seen_decides_on_no_other_way(monkeypatch):
+    """Of 2,000 paths none may overturn at .001: the wanted error would be one that no density has."""
+    clock, looks = Clock(bernoulli_batches(1e-3), 1e-5), []
+
+    def look(call, _):
+        looks.append((call.counts.overturned, call.counts.paths))
+        return False
+
+    monkeypatch.setattr(overturning, "simulate_batches", clock.simulate_batches)
+    monkeypatch.setattr(overturning, "time", clock)
+    monkeypatch.setattr(overturning._Call, "_density_pays", look)
+    monkeypatch.setattr(overturning._Call, "_splitting_pays", look)
+    for seed in range(3):
+        probability(MAIN, cycles=1, rtol=0.2, seed=seed)
+    assert len(looks) >= 3
+    assert all(overturned >= 5 for overturned, _ in looks)
+    looks.clear()
+    clock.batches = bernoulli_batches(0.0)
+    with pytest.raises(ValueError, match=r"^rtol: got 0\.2"):
+        probability(MAIN, cycles=1, rtol=0.2, limit_s=100.0)
+    assert looks[0][1] * 1e-5 >= 0.5
+
+
 def test_error_of_the_steps_is_added(monkeypatch):
     monkeypatch.setattr(overturning, "simulate_batches", bernoulli_batches(0.3, shift=0.1))
     answer = probability(MAIN.filtered_equivalent(), cycles=1, tol=0.02)

@@ -1,0 +1,146 @@
+"""What the search for critical intensities misses, against a scan five times as fine; rates with noise by 8 to 48.
+
+FILE is an .npz as of `records_against_integration.py`. Half an hour on one processor:
+
+    python benchmarks/critical_search.py --motions FILE.npz
+"""
+
+import argparse
+import dataclasses
+import math
+
+import numpy as np
+from baseline import motions_of
+from report import table, write_section
+
+from fpk_rocking import BandNoise, Scene
+from fpk_rocking.risk import Hazard, study
+from fpk_rocking.studies import critical_intensities
+from fpk_rocking.studies.jumps import FINE, SETTLED, first_scale, last_scale
+from montecarlo.engines.batches import ScaledPaths
+
+BLOCKS = (0.5, 1.8), (0.3, 1.5)
+SCAN, EXPONENT = 0.002, 3.0
+RATE_MOTIONS, COUNTS, NOISE_G, PATHS = 14, (8, 24, 48), 0.02, 2000
+
+
+def scanned(scene, jumps):
+    """Return the scales (k,) at which outcomes change in a scan in steps of `SCAN`, as far as the search has gone.
+
+    `jumps` (j,) are those of the search.
+    """
+    paths = ScaledPaths(scene)
+    low, high = paths.least_scale, SETTLED * jumps[-1]
+    scales = np.geomspace(low, high, math.ceil(math.log(high / low) / SCAN) + 1)
+    over = paths(scales).overturned
+    return np.sqrt(scales[1:] * scales[:-1])[over[1:] != over[:-1]]
+
+
+def intervals(jumps):
+    """Return begin and end (k, 2) of the intervals between jumps: those of overturning, and of standing between."""
+    return np.stack([jumps[:-1], jumps[1:]], axis=1)
+
+
+def missed(fine, coarse):
+    """Return the widths in the logarithm (k,) of the intervals of a fine scan, and whether the search misses each."""
+    ends = intervals(fine)
+    inside = (coarse[None] > ends[:, :1]) & (coarse[None] < ends[:, 1:])
+    middle = np.sqrt(ends[:, 0] * ends[:, 1])
+    same = np.searchsorted(coarse, middle) % 2 == (np.arange(len(ends)) + 1) % 2
+    return np.log(ends[:, 1] / ends[:, 0]), ~same & ~inside.any(axis=1)
+
+
+def exceedance(jumps):
+    """Return the integral of the outcome over a hazard im^-EXPONENT (float), by its jumps (k,)."""
+    return float(((-1.0) ** np.arange(jumps.size) * jumps**-EXPONENT).sum())
+
+
+def padded(rows):
+    """Return rows of numbers as an array (m, k) with nan behind the last of each."""
+    out = np.full((len(rows), max(map(len, rows))), math.nan)
+    for row, values in zip(out, rows, strict=True):
+        row[: len(values)] = values
+    return out
+
+
+def block_row(size, motions):
+    """Compare search and scan under all motions; return a dict of the row's values for one block (width, height)."""
+    suite = critical_intensities(Scene.from_block(*size, record=motions[0]), motions, measure="PGV")
+    own = [row[np.isfinite(row)] / unit for row, unit in zip(suite.jumps, suite.own, strict=True)]
+    ends = [len(row) % 2 == 1 for row in own]
+    scenes = [scene for scene, end in zip(suite.scenes, ends, strict=True) if end]
+    units = suite.own[ends]
+    own = [row for row, end in zip(own, ends, strict=True) if end]
+    fine = []
+    for number, (scene, row) in enumerate(zip(scenes, own, strict=True)):
+        fine.append(scanned(scene, row))
+        print(size, number, len(row), len(fine[-1]), flush=True)
+    widths, lost = map(np.concatenate, zip(*map(missed, fine, own), strict=True))
+    fine = padded([row * unit for row, unit in zip(fine, units, strict=True)])
+    own = padded([row * unit for row, unit in zip(own, units, strict=True)])
+    grid = np.geomspace(np.nanmin(own), np.nanmax(last_scale(own)), 4001)
+    shares = [(np.array([np.searchsorted(row[np.isfinite(row)], grid) % 2 for row in rows])).mean(axis=0)
+              for rows in (fine, own)]  # fmt: skip
+    truth = np.mean([exceedance(row[np.isfinite(row)]) for row in fine])
+    return {
+        "motions": len(scenes),
+        "intervals": widths.size,
+        "narrow": float((widths < FINE).mean()),
+        "missed": float(lost.mean()),
+        "missed of 1 % or more": float(lost[widths >= FINE].mean()),
+        "mean change of P": float(np.diff(shares, axis=0).mean()),
+        "rate by lowest": float((fine[:, 0] ** -EXPONENT).mean() / truth),
+        "rate by critical": float((first_scale(fine) ** -EXPONENT).mean() / truth),
+        "rate by search": float(np.mean([exceedance(row[np.isfinite(row)]) for row in own]) / truth),
+    }
+
+
+def rate_of(motions, count):
+    """Return the annual rate under motions with noise, with a number of intensities asked for."""
+    block = Scene.from_block(*BLOCKS[0], record=motions[0])
+    variance = (NOISE_G * 9.80665 / (block.block.size.gravity * block.block.critical_angle)) ** 2
+    noise = BandNoise(variance, tuple(block.block.size.frequency(1.0) * f for f in (0.2, 8.0)), 100)
+    noisy = dataclasses.replace(block, noise=noise)
+    hazard = Hazard.power_law(rate=1e-4, exponent=2.5)
+    scales = np.geomspace(0.2, 4.0, count)
+    return study(noisy, motions, hazard, scales, baseline="high-pass", realizations=PATHS).risk.rate
+
+
+def main():
+    """Measure, and write the section."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--motions", required=True, metavar="FILE", help=".npz of the measured motions")
+    motions = motions_of(parser.parse_args().motions)
+    chosen = motions[:: len(motions) // RATE_MOTIONS][:RATE_MOTIONS]
+    rates = {count: rate_of(chosen, count) for count in COUNTS}
+    print(rates, flush=True)
+    rows = {f"{width} m × {height} m": block_row((width, height), motions) for width, height in BLOCKS}
+    spread = max(rates.values()) / min(rates.values()) - 1.0
+    assert spread < 0.02
+    of_all, of_wide = (
+        " and ".join(f"{row[name]:{form}}" for row in rows.values())
+        for name, form in (("missed", ".2f"), ("missed of 1 % or more", ".4f"))
+    )
+    body = (
+        f"Against a scan in steps of {100 * SCAN:g} % under {len(motions)} measured motions the search misses "
+        f"{of_all} of the intervals of overturning and of "
+        f"standing, and {of_wide} of those that "
+        f"are {100 * FINE:g} % wide or more. With noise the annual rate moves by {100 * spread:.2g} % between "
+        f"{', '.join(map(str, COUNTS))} intensities.\n\n"
+        "Rates are over that of the scan's outcomes, hazard im^-3: by the lowest intensity of the scan that overturns "
+        f"the block, by the lowest from which it does over {100 * FINE:g} %, and by the search's outcomes. Motions "
+        "are as measured, no baseline corrected. The change of P is the mean over the logarithm of the intensity.\n\n"
+    )
+    columns = list(next(iter(rows.values())))
+    cells = [[name, *(f"{value:.4g}" for value in row.values())] for name, row in rows.items()]
+    body += table(["block", *columns], cells) + "\n\n"
+    body += (
+        f"With noise of {NOISE_G} g rms, .2 to 8 Hz, scaled with {RATE_MOTIONS} of the motions (high-pass), "
+        f"{PATHS:,} paths, hazard 1e-4 im^-2.5, PGV 0.2 to 4 m/s:\n\n"
+    )
+    body += table(["intensities", "annual rate"], [[number, f"{rate:.3e}"] for number, rate in rates.items()])
+    write_section("Search for critical intensities", body, page=None, values={"blocks": rows})
+
+
+if __name__ == "__main__":
+    main()
