@@ -14,7 +14,7 @@ from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.probability import Probability
-from fpk_rocking.studies.stopping import QUANTILE, SideCounts, WantedError, joined
+from fpk_rocking.studies.stopping import QUANTILE, SideCounts, SlowerError, WantedError, joined, stop_if_slow
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.splitting import split
 
@@ -112,10 +112,6 @@ def probability(
     if scene.deterministic:
         return call.one_path()
     return call.answer()
-
-
-class _SlowerError(Exception):
-    """The density takes longer than was predicted, and than paths."""
 
 
 @dataclasses.dataclass
@@ -303,10 +299,10 @@ class _Call:
 
         counts, tol, predicted = self.counts, self.wanted.of(self._share), self._solutions_s
         self._solutions_s = [math.inf]  # once
-        watch = self._stop_if_slow(predicted, min(paths_s, self.limit_s))
+        watch = stop_if_slow(predicted, min(paths_s, self.limit_s), len(self.run.times) - 1, self.progress)
         try:
             density = solve_fpk(self.run.scene, tol=tol, bins_tol=math.inf, progress=watch, **self._rows)
-        except (ValueError, _SlowerError):  # the first: no mesh resolves this scene
+        except (ValueError, SlowerError):  # the first: no mesh resolves this scene
             return None
         error = density.error_estimate
         difference = abs(density.survival[-1] - 1.0 + counts.overturned / counts.paths)
@@ -314,26 +310,6 @@ class _Call:
             return None
         reason = f"The density was predicted to take {sum(predicted):.1g} s, paths {paths_s:.1g} s."
         return self.result("density", reason, np.asarray(density.overturned), error, 0)
-
-    def _stop_if_slow(self, predicted, limit):
-        """Return a function (done, total), for `progress` of `solve_fpk`: it stops a density slower than predicted.
-
-        It raises `_SlowerError` where more than `limit` seconds are to come.
-        What the solutions so far took, over what was `predicted` for them (a list of seconds), holds for the others.
-        """
-        rows, began = len(self.run.times) - 1, time.perf_counter()
-
-        def watch(done, total):
-            """Report `done` of `total` rows, and compare the seconds after each solution but the last."""
-            if self.progress:
-                self.progress(done, total)
-            solutions = done // rows
-            if done % rows == 0 and solutions < len(predicted):
-                slower = (time.perf_counter() - began) / sum(predicted[:solutions])
-                if slower * sum(predicted[solutions:]) > limit:
-                    raise _SlowerError
-
-        return watch
 
     def _splitting_pays(self, paths_s):
         """Whether to try splitting: it takes the scene, overturning is rare, and paths take long, `paths_s` seconds."""

@@ -3,11 +3,12 @@
 import dataclasses
 import math
 import statistics
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.checks import Array
+from fpk_rocking.base.checks import Array, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo.splitting import Splitting
 
@@ -57,6 +58,41 @@ class WantedError(NamedTuple):
         `overturned` (int) of a number of `paths` (int) so far have overturned.
         """
         return int(min(max(self.paths(overturned, paths), 1.25 * paths), GROWTH * paths))
+
+
+class SlowerError(Exception):
+    """A density would take too long."""
+
+
+def stop_if_slow(predicted: list[float], limit: float, rows: int, progress: Progress | None) -> Progress:
+    """Return a function (done, total), for `progress` of `solve_fpk`: it stops a density slower than predicted.
+
+    What the solutions so far took, over what was predicted for them, holds for the others.
+
+    Parameters
+    ----------
+    predicted : list of float
+        Seconds of each solution.
+    limit : float
+        `SlowerError` is raised where more seconds than this are to come.
+    rows : int
+        Times of a solution, without the first.
+    progress : callable or None
+        Called as well.
+    """
+    began = time.perf_counter()
+
+    def watch(done, total):
+        """Report `done` of `total` rows, and compare the seconds after each solution but the last."""
+        if progress:
+            progress(done, total)
+        solutions = done // rows
+        if done % rows == 0 and solutions < len(predicted):
+            slower = (time.perf_counter() - began) / sum(predicted[:solutions])
+            if slower * sum(predicted[solutions:]) > limit:
+                raise SlowerError
+
+    return watch
 
 
 class SideCounts:
