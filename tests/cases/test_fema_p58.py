@@ -1,6 +1,7 @@
 """The case of FEMA P-58, coarse: medians rise with the size, and are drawn where they belong."""
 
 import json
+import pathlib
 
 import numpy as np
 import pytest
@@ -20,3 +21,13 @@ def test_medians_rise_with_the_size(case, tmp_path, monkeypatch):
     assert large["median"] > 1.5 * small["median"]  # about 3 times, by 30 motions
     assert json.loads((tmp_path / "fema_p58.json").read_text())["blocks"] == values["blocks"]
     assert (tmp_path / "fema_p58.png").stat().st_size > 10_000
+
+
+def test_the_page_has_the_ratios_of_the_kept_numbers():
+    docs = pathlib.Path(__file__).parents[2] / "docs"
+    values = json.loads((docs / "gallery" / "fema_p58.json").read_text(encoding="utf-8"))
+    ratios = [
+        block["median"] / published for block, published in zip(values["blocks"], values["published"], strict=False)
+    ]
+    page = (docs / "tutorials" / "fragility.md").read_text(encoding="utf-8")
+    assert f"{min(ratios):.2f} to {max(ratios):.2f} times these medians at its nine sizes" in " ".join(page.split())
