@@ -152,7 +152,11 @@ def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
 @pytest.mark.parametrize(
     ("task", "asked"),
     [
-        ("fpk_rocking.least_runs:density", ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"]),
+        pytest.param(
+            "fpk_rocking.least_runs:density",
+            ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"],
+            marks=pytest.mark.slow,
+        ),
         pytest.param(
             "fpk_rocking.least_runs:density_exact",
             ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"],
