@@ -21,7 +21,7 @@ from montecarlo.engines.batches import ScaledPaths
 
 BLOCKS = (0.5, 1.8), (0.3, 1.5)
 SCAN, EXPONENT = 0.002, 3.0
-RATE_MOTIONS, COUNTS, NOISE_G, PATHS = 14, (8, 24, 48), 0.02, 2000
+RATE_MOTIONS, COUNTS, NOISE_G, PATHS = 14, (8, 24, 48), 0.02, 500
 
 
 def scanned(scene, jumps):
@@ -112,9 +112,9 @@ def main():
     parser.add_argument("--motions", required=True, metavar="FILE", help=".npz of the measured motions")
     motions = motions_of(parser.parse_args().motions)
     chosen = motions[:: len(motions) // RATE_MOTIONS][:RATE_MOTIONS]
-    rates = {count: rate_of(chosen, count) for count in COUNTS}
-    print(rates, flush=True)
     rows = {f"{width} m × {height} m": block_row((width, height), motions) for width, height in BLOCKS}
+    print(rows, flush=True)
+    rates = {count: rate_of(chosen, count) for count in COUNTS}
     spread = max(rates.values()) / min(rates.values()) - 1.0
     assert spread < 0.02
     of_all, of_wide = (

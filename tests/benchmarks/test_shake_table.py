@@ -120,8 +120,8 @@ def phrases():
     """What the text of the page says in numbers."""
     area, variants = "area under the ROC", "sensitivity"
     main, scatter, both = benchmark.MAIN, "planar block, no scatter", "logistic, PGA and PGV/PGA"
-    yield f"Of 128 draws of frequency parameter and restitution {pair(lambda row: row['effective draws'], 0)} count"
-    yield f"lies {pair(lambda row: row['scores'][main]['z of the sum'], 1)} standard deviations"
+    yield f"draws of frequency parameter and restitution is {pair(lambda row: row['effective draws'], 0)}."
+    yield f"is {pair(lambda row: row['scores'][main]['z of the sum'], 1)} standard deviations from"
     yield f"the Brier score {pair(lambda row: row['scores'][main]['z of the Brier score'], 1)} (z in the data)"
     yield f"{pair(lambda row: row['wrong'], 0)} of 238 are predicted wrongly"
     yield f"with probability {pair(lambda row: row[area]['PGV'], 3)} (area under"
@@ -154,7 +154,7 @@ def phrases():
         f"{RESULTS[name]['wrong, predicted to stand']} of {RESULTS[name]['wrong']}" for name in benchmark.SPECIMENS
     )
     yield f"{' and '.join(missed)} overturned"
-    yield f"as they are not in {pair(lambda row: row['outcomes not in order'], 0)} of all tests"
+    yield f"order of PGA, as are {pair(lambda row: row['outcomes not in order'], 0)} of all tests"
     for name in benchmark.SPECIMENS:
         rows = [RESULTS[name][variants][f"{text}"] for text in list(benchmark.PRIORS)[3:]]
         yield ", ".join(f"{row['Brier above']:+.4f}".replace("0.", ".", 1) for row in rows) + f" ({name})"
@@ -169,4 +169,5 @@ def test_the_page_has_what_was_measured(line):
 
 def test_the_readme_has_the_shares_right():
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
-    assert pair(lambda row: row["scores"][benchmark.MAIN]["share right"], 2) in text
+    first, second = (100.0 * RESULTS[name]["scores"][benchmark.MAIN]["share right"] for name in benchmark.SPECIMENS)
+    assert f"it predicts {first:.0f} and {second:.0f} % rightly" in text
