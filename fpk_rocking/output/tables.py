@@ -258,13 +258,14 @@ def _bar(label):
 def _lines(label):
     """Return a `progress` function (done, total) that prints a line from time to time, with a label (text) in front."""
     started = last = time.monotonic()
-    first = None  # time and work done at the first report: work may go on from a file
+    # Time and work done at the first report of any: machine code is compiled by then, work may go on from a file.
+    first = 0.0, 0
 
     def report(done, total):
         """Print a line if the last one is some time ago; `done` and `total` count the parts of the work."""
         nonlocal last, first
         now = time.monotonic()
-        first = first or (now, done)
+        first = first if first[1] else (now, done)
         if now - last >= _SECONDS_BETWEEN_LINES and done < total:
             last = now
             text = f"{label}: {100.0 * done / total:.0f} % after {now - started:.0f} s"

@@ -136,6 +136,9 @@ def study(
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
     options: dict[str, Any] = {"realizations": realizations, "scale_noise": scale_noise, "workers": workers}
+    still = all(shaken.deterministic for shaken in scenes)
+    twice = still and draws is None and corrected(scenes)
+    report = _RoundsReport(progress, 1 + twice)
 
     def sample(scale, number, scenes=at_one):
         """Return the `Fragility` of scenes at intensities `scale` (n,), in a round of this `number`.
@@ -143,7 +146,8 @@ def study(
         Its samples are independent of those of other rounds.
         """
         own = {"seed": seed_of(seed, 2**32 + number) if number else seed, "store": _store_of(store, number)}
-        return fragility(scenes if len(scenes) > 1 else scenes[0], scale=scale, progress=progress, **options, **own)
+        report.begin_round()
+        return fragility(scenes if len(scenes) > 1 else scenes[0], scale=scale, progress=report, **options, **own)
 
     def risk_of(curves):
         """Return the `Risk` of a `Fragility`, without the replicates of its limits."""
@@ -151,7 +155,7 @@ def study(
         return annual_frequency(dataclasses.replace(curve, refined=True), not_none(exceeded))
 
     asked = None if intensities is None else np.sort(np.asarray(intensities, float))
-    if all(shaken.deterministic for shaken in scenes):
+    if still:
         curves, added, moved = sample(np.ones(1) if asked is None else asked, 0), 0, 0.0
         if asked is None:
             curves = curves.at_scales(_range(not_none(curves.critical)))
@@ -164,7 +168,7 @@ def study(
             curves, added, moved = refined(sample, risk_of, asked, _above(asked[-1], not_none(calm)))
     curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws), None
     curve = dataclasses.replace(curve, refined=exceeded is not None and curves.motions is None)
-    if curves.motions is not None and draws is None and corrected(scenes):
+    if twice:
         raw = recorded_scenes(scene, [shaken.forcing for shaken in scenes], baseline="none")
         raw = [at_intensity(shaken, measure, noise=scale_noise) for shaken in raw]
         uncorrected = IntensityCurve.of(sample(curves.scale, -1, raw), measure, samples=1)
@@ -181,6 +185,23 @@ def study(
         moved=moved,
         uncorrected=uncorrected,
     )
+
+
+class _RoundsReport:
+    """A `progress` function for rounds of work, which counts the parts of all of them, of at least `rounds`."""
+
+    def __init__(self, progress, rounds):
+        self.progress, self.rounds, self.finished, self.parts = progress, rounds, 0, 0
+
+    def begin_round(self):
+        """Count the parts of the round before as finished."""
+        self.finished, self.parts = self.finished + self.parts, 0
+
+    def __call__(self, done, total):
+        """Report `done` of the `total` parts of a round, after those that are finished."""
+        self.parts = total
+        if self.progress:
+            self.progress(self.finished + done, max(self.finished + total, self.rounds * total))
 
 
 def _without_noise(scenes, measure, workers):

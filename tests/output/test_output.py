@@ -167,10 +167,10 @@ def test_summary_refuses_nan(tmp_path):
 
 
 def test_progress_without_a_terminal_is_a_line_now_and_then(capsys, monkeypatch):
-    clock = iter([0.0, 1.0, 11.0, 12.0, 30.0])
+    clock = iter([0.0, 0.5, 1.0, 11.0, 12.0, 30.0])
     monkeypatch.setattr(tables.time, "monotonic", lambda: next(clock))
     with tables.reporting("density") as report:
-        for done in (1, 3, 4, 5):
+        for done in (0, 1, 3, 4, 5):
             report(done, 5)
     captured = capsys.readouterr()
     assert captured.err == "density: 60 % after 11 s, about 10 s left\n"

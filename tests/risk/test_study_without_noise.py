@@ -151,7 +151,14 @@ def test_what_a_correction_of_baselines_changes_of_the_rate_is_said():
     raw = study(block, drifting, hazard, [0.3, 3.0])
     assert raw.uncorrected is None
     assert not any("Without the correction" in text for text in raw.remarks)
-    corrected = study(block, drifting, hazard, [0.3, 3.0], baseline="high-pass")
+    reports = []
+    corrected = study(
+        block, drifting, hazard, [0.3, 3.0], baseline="high-pass", progress=lambda *parts: reports.append(parts)
+    )
+    # Motions with the correction, then without it.
+    assert [done for done, _ in reports] == sorted(done for done, _ in reports)
+    assert {total for _, total in reports} == {10}
+    assert reports[-1] == (10, 10)
     (text,) = [text for text in corrected.remarks if text.startswith("Without the correction")]
     rate = f"{raw.risk.rate:.2e}".replace("e-0", "e-")
     ratio = f"{raw.risk.rate / corrected.risk.rate:.3g}"
