@@ -186,7 +186,8 @@ def predicted_seconds(
     Returns
     -------
     list of float
-        Seconds, from coarse to fine, of those that are always solved. What a finer one takes is not among them.
+        Seconds of the first two, and of the third where these agree: a coarser one, if there is any. Finer ones are
+        not among them.
 
     Raises
     ------
@@ -195,8 +196,10 @@ def predicted_seconds(
     """
     refuse_unsolvable(scene)
     rows = result_times(scene, cycles, times)
-    meshes = _discretizations(scene, scene, explore(scene, rows), resolutions_for(tol, before=SOLUTIONS - 1))
-    return [estimated_seconds(scene, mesh, rows) for mesh in meshes[:SOLUTIONS]]
+    meshes = _discretizations(scene, scene, explore(scene, rows), resolutions_for(tol, before=SOLUTIONS))
+    first = len(meshes) - len(resolutions_for(tol, before=SOLUTIONS - 1))
+    third = meshes[0] if first else meshes[SOLUTIONS - 1]
+    return [estimated_seconds(scene, mesh, rows) for mesh in (*meshes[first : first + SOLUTIONS - 1], third)]
 
 
 def _tolerances(scene, tol, bins_tol):
