@@ -64,7 +64,8 @@ def to_nrml(
     states = [_identifier(curve.name) for curve in curves]
     root = ET.Element("nrml", xmlns="http://openquake.org/xmlns/nrml/0.5")
     model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
-    ET.SubElement(model, "description").text = _described(curves[-1], description, trust)
+    unit = " PGV in this file is in cm/s." * (measure == "PGV")
+    ET.SubElement(model, "description").text = _described(curves[-1], description, trust) + unit
     ET.SubElement(model, "limitStates").text = " ".join(states)
     fitted = all(curve.fitted for curve in curves)
     kind: dict[str, str] = {"format": "continuous", "shape": "logncdf"} if fitted else {"format": "discrete"}
@@ -192,8 +193,8 @@ def not_for_pelicun(curve: IntensityCurve) -> str:
     """
     if curve.fitted or curve.probability[-1] == 1.0:
         return ""
-    accepted = "1, which pelicun asks of a curve without a lognormal fit: go on to higher intensities"
-    return checks.refusal("probability[-1]", float(curve.probability[-1]), accepted)
+    accepted = "1, which pelicun asks of a curve without a lognormal fit: give higher intensities"
+    return checks.refusal("probability at the highest intensity", float(curve.probability[-1]), accepted)
 
 
 def check_name(name: str) -> None:

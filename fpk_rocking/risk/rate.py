@@ -79,13 +79,14 @@ class Risk(Result):
         return 1.0 / self.rate if self.rate > 0.0 else math.inf
 
     @functools.cached_property
-    def lognormal_rate(self) -> float:
-        """Annual rate by the lognormal curve of the fit, as files of it carry, 1/year; nan where there is none."""
-        if not self.curve.fitted:
-            return math.nan
-        curve = np.array([[self.curve.fit.median, self.curve.fit.dispersion]])
+    def exported_rate(self) -> float:
+        """Annual rate by the curve that files carry, 1/year: lognormal where the fit stands, else points and lines."""
         edges = edges_of_rules(self.curve, self.hazard)
-        return float(lognormal_rates(curve, self.hazard, edges[0], edges[-1])[0])
+        if self.curve.fitted:
+            curve = np.array([[self.curve.fit.median, self.curve.fit.dispersion]])
+            return float(lognormal_rates(curve, self.hazard, edges[0], edges[-1])[0])
+        y, weights = gauss_nodes(edges)
+        return float((weights * rate_density(_by_points(self.curve), self.hazard, y)).sum())
 
     def probability(self, years: float = 50.0) -> float:
         """Return the probability of at least one event in a time, 1 - exp(-λt), the events being independent.
@@ -160,13 +161,12 @@ class Risk(Result):
             through = "the points, joined by lines"
         at_once = " (all probabilities at their lower, or all at their upper limits, as there is no fit)"
         limits = f"; the limits contain the sampling of {sampled}{at_once * (not self.curve.fitted)}" * bool(sampled)
-        by_fit = self.lognormal_rate
-        if self.rate > 0.0 and abs(by_fit / self.rate - 1.0) > 0.02:
-            through += (
-                ". By the lognormal curve, which files for OpenQuake and pelicun carry, the rate is "
-                f"{rate_text(by_fit)}"
-            )
-            limits = f"; the limits are those of this curve, and contain the sampling of {sampled}" * bool(sampled)
+        if self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02:
+            form = "the lognormal curve" if self.curve.fitted else "the points of the curve"
+            through += f". By {form}, which files for OpenQuake and pelicun carry, the rate is "
+            through += rate_text(self.exported_rate)
+            if self.curve.fitted:
+                limits = f"; the limits are those of this curve, and contain the sampling of {sampled}" * bool(sampled)
         text = (
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
             "The hazard and the model of the block count as known."
@@ -219,7 +219,7 @@ class Risk(Result):
             "unit": self.curve.unit,
             "median": self.curve.fit.median,
             "dispersion": self.curve.fit.dispersion,
-            "lognormal_rate": self.lognormal_rate,
+            "exported_rate": self.exported_rate,
         }
 
     def dataset(self) -> Dataset:
@@ -291,7 +291,12 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
 
 def _probability(curve):
     """Return a function of intensities that gives probabilities: an `IntensityCurve`, or by its points if refined."""
-    return functools.partial(curve.along, curve.probability) if curve.refined else curve
+    return _by_points(curve) if curve.refined else curve
+
+
+def _by_points(curve):
+    """Return a function of intensities that gives probabilities along the points of an `IntensityCurve`."""
+    return functools.partial(curve.along, curve.probability)
 
 
 def _by_jumps(curve, hazard, limits):

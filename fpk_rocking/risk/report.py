@@ -135,7 +135,8 @@ def _block(scene, draws):
         "frequency parameter p": f"{size.frequency_parameter:.4g} rad/s",
         "restitution": f"{scene.block.restitution_text('.4g')}{', Housner' * own}",
         "lifts off at": f"{scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY:.4g} g",
-        "overturned at": f"{math.degrees(scene.overturning.angle * size.critical_angle):.4g}°",
+        "overturned at": f"{math.degrees(scene.overturning.angle * size.critical_angle):.4g}°, "
+        f"{scene.overturning.angle:.3g} θ_cr",
         "rocks, and does not slide first": f"friction of at least {scene.block.least_friction:.3g}",
     }
     for name, values in ({} if draws is None else draws.values).items():

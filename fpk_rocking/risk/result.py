@@ -318,10 +318,14 @@ class Study(Result):
         self.fragility.save(out / "result.npz")
         self.curve.to_csv(out / "curve.csv")
         self.to_csv(out / "motions.csv")
-        to_nrml(out / f"{self.name}.xml", [self.curve], self.name, trust=self.trust)
+        about = self.curve.describe()
+        if self.risk:
+            about += f" Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
+            about += f"as the study states it {rate_text(self.risk.rate)}."
+        to_nrml(out / f"{self.name}.xml", [self.curve], self.name, about, self.trust)
         refused = self.not_for_pelicun
         if not refused:
-            to_pelicun(out / f"{self.name}.csv", self.curve, self.name, trust=self.trust)
+            to_pelicun(out / f"{self.name}.csv", self.curve, self.name, about, self.trust)
         exports = [f"{self.name}.{kind}" for kind in ("xml", *(() if refused else ("csv", "json")))]
         files = {"pelicun": refused or f"{self.name}.csv", "exports": exports, "origin": self.origin(command)}
         write_json(out / "risk.json", self.summary() | files)

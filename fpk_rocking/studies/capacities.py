@@ -26,6 +26,9 @@ from fpk_rocking.studies.lognormal import fit_rows
 _SWEEPS = 25
 """Sweeps of the data augmentation; twice as many move limits by less than what 999 draws scatter."""
 
+_DRAWS, _IMPUTED = (999, 20_000), 1e7
+"""Least and most draws by default, and how many capacities are drawn for them at most, in all sweeps."""
+
 _STEADY = 0.3
 """Standard error of ln β above which a row has no dispersion of its own."""
 
@@ -168,6 +171,13 @@ class Capacities(NamedTuple):
     def complete(self) -> Array:
         """Numbers of the motions of which a capacity lies within the scales, an ascending array of int."""
         return np.unique(self.motion[np.isfinite(self.error) | (np.isfinite(self.low) & np.isfinite(self.high))])
+
+    @property
+    def usual_draws(self) -> int:
+        """Number of draws by default: 20,000 scatter a limit by a few per cent, and fewer are taken where they cost."""
+        least, most = _DRAWS
+        drawn = 0.0 if not self.error.any() else _SWEEPS * self.motion.size
+        return int(np.clip(_IMPUTED / drawn, least, most)) if drawn else most
 
     def draws(self, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """Draw what the population of the motions may be, given these capacities.

@@ -5,10 +5,10 @@ by a scan in the logarithm of the scale and then halved. The scan is coarse wher
 it overturns or comes within sight of it.
 
 The function is a fractal: of the intervals that a scan five times as fine shows under 238 motions of a shake table,
-three in four are narrower than `FINE`, and two in five of all are missed. They change the mean of the probability by
-2e-4 at most, for those of overturning and those of standing balance. But the lowest scale at which a motion overturns
-falls on and on as the scan gets finer; taken for the capacity it made a rate 1.3 to 1.4 times as large. So the critical
-scale is that from which the block overturns over a part of `FINE` at least (1.05 times).
+four in five are narrower than `FINE`, and two in five of all are missed. They change the mean of the probability by
+.001, for those of overturning and those of standing balance. But the lowest scale at which a motion overturns falls on
+and on as the scan gets finer; taken for the capacity it makes a rate 1.8 to 2 times as large. So the critical scale is
+that from which the block overturns over a part of `FINE` at least (1.2 times; benchmarks/critical_search.py).
 """
 
 import math
@@ -25,7 +25,7 @@ from montecarlo.engines.batches import Outcomes, ScaledPaths
 
 COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
 """Steps of the scan in the logarithm of the scale, and the width to which a jump is bracketed. FINE is COARSE halved
-twice. All intervals wider than FINE are met but those that CALM hides: 3 and 5 in 1,000, for two blocks."""
+twice. Intervals wider than FINE are met but for 11 and 14 in 1,000, for two blocks: what CALM hides, and rounding."""
 
 SETTLED, FARTHEST = 2.0, 1000.0
 """A search without an end of its own goes on until a block overturns at all scales of the coarse scan over a factor of

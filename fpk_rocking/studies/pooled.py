@@ -273,7 +273,7 @@ class IntensityCurve(Result):
         which: int = 0,
         *,
         draws: Draws | None = None,
-        samples: int = 999,
+        samples: int | None = None,
         seed: int = 1,
     ) -> Self:
         """Return the curve of a fragility: of its scene, or for a motion drawn from the population of its motions.
@@ -290,8 +290,8 @@ class IntensityCurve(Result):
         draws : Draws, optional
             Where the scenes are `fpk_rocking.studies.drawing.drawn` blocks: blocks under one motion are not independent
             of each other.
-        samples : int
-            Number of replicates.
+        samples : int, optional
+            Number of replicates; by default 999 for one scene, for several `Capacities.usual_draws`.
         seed : int
             Seed of their random numbers.
 
@@ -349,7 +349,7 @@ class IntensityCurve(Result):
             return cls(**common, **suite | name_sources(suite, records.size))
         fit, replicates = fragility.fits[0][which], np.empty((0, 2))
         if trials and not fit.reason and not fragility.deterministic[0]:
-            drawn = rng.binomial(trials, fit(fragility.scale[answered]), (samples, intensity.size)) / trials
+            drawn = rng.binomial(trials, fit(fragility.scale[answered]), (samples or 999, intensity.size)) / trials
             _, middle, spread, _ = fit_rows(np.log(intensity), drawn)
             replicates = np.stack([np.exp(middle), spread], axis=-1)
         limits = fragility.interval()[0, which, answered]

@@ -20,15 +20,16 @@ def suite_fields(
     shares: Array,
     trials: int,
     drawn: Mapping[str, Any],
-    samples: int,
+    samples: int | None,
     rng: np.random.Generator,
     steps: tuple[Array, Array, float] | None,
 ) -> dict[str, Any]:
     """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows.
 
-    `capacities` are the `Capacities` of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of `trials`
-    realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates. `steps`:
-    intensities (k,) at which an outcome changes, the mean there, and up to where they are known; None of samples.
+    `capacities` are the `Capacities` of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of
+    `trials` realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates,
+    by default `usual_draws`. `steps`: intensities (k,) at which an outcome changes, the mean there, and up to where
+    they are known; None of samples.
     "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
     """
     mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
@@ -45,7 +46,7 @@ def suite_fields(
         fit = LognormalFit(reason=f"fewer than two motions overturn a block {where}")
     if fit.reason:
         return fields | {"fit": fit}
-    population, values = capacities.draws(samples, rng)
+    population, values = capacities.draws(samples or capacities.usual_draws, rng)
     spreads = np.linalg.norm(population[:, 1:], axis=1)
     # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
     with np.errstate(over="ignore"):

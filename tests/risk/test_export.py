@@ -28,7 +28,8 @@ def test_a_lognormal_curve_in_nrml(tmp_path):
     assert [element.tag for element in model] == [
         SPACE + tag for tag in ("description", "limitStates", "fragilityFunction")
     ]
-    verdict = "Verdict: caution. For others of their kind 1 scene tell the probabilities to ±0.091 at worst (95 %)."
+    verdict = "Verdict: caution. For others of their kind 1 scene tell the probabilities to ±0.091 at worst (95 %). "
+    verdict += "PGV in this file is in cm/s."
     assert (model[0].text, model[1].text) == (f"a & b {verdict}", "angle_0p5 overturned")
     function = model[2]
     assert function.attrib == {"id": "rack_1", "format": "continuous", "shape": "logncdf"}
@@ -96,7 +97,7 @@ def test_a_row_of_pelicun(tmp_path, fitted):
 
 
 def test_pelicun_takes_no_points_that_end_below_certainty(tmp_path):
-    with pytest.raises(ValueError, match=r"^probability\[-1\]: got 0\.99.*go on to higher intensities"):
+    with pytest.raises(ValueError, match=r"^probability at the highest intensity: got 0\.99.*give higher intensities"):
         to_pelicun(tmp_path / "x", refused(curve_of()), "RACK")
 
 

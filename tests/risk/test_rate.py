@@ -161,12 +161,23 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     curve, law = curve_of(0.7, 0.5), Hazard.power_law(rate=1e-3, exponent=2.0)
     closed = 1e-3 * 0.7**-2.0 * math.exp(2.0 * 0.5**2)
     along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, refined=True), law)
-    assert along.lognormal_rate == pytest.approx(closed, rel=1e-9)
+    assert along.exported_rate == pytest.approx(closed, rel=1e-9)
     assert along.rate < 0.7 * closed
     assert f"carry, the rate is {rate_text(closed)}; the limits are those of this curve" in along.sentences[0]
     assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
     without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
-    assert math.isnan(annual_frequency(without, law).lognormal_rate)
+    points = annual_frequency(without, law)
+    assert points.exported_rate == points.rate
+    # Motions without noise, and a rejected fit: the rate is by the motions, files carry the points.
+    jumps = np.array([0.4, 0.9, 1.6])[:, None, None]
+    stepped = annual_frequency(dataclasses.replace(without, jumps=jumps, probability=np.full(12, 0.5)), law)
+    assert stepped.rate == pytest.approx(np.mean(1e-3 * jumps**-2.0), rel=1e-12)
+    constant = 0.5 * law(without.intensity[0])  # and what lies below the points
+    assert stepped.exported_rate > constant
+    assert (
+        "By the points of the curve, which files for OpenQuake and pelicun carry, the rate is " in stepped.sentences[0]
+    )
+    assert rate_text(stepped.exported_rate) in stepped.sentences[0]
 
 
 def test_years_are_plain_numbers():

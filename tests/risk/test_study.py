@@ -264,13 +264,14 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
     printed = capsys.readouterr()
     assert "One motion: the scatter from motion to motion is neither in the rate nor in its limits." in printed.out
     assert "In its place stand the points, joined by lines." in printed.out
-    assert "fpk-rocking risk: rack.csv and rack.json for pelicun are not written: probability[-1]: got 0" in printed.err
+    refused = "fpk-rocking risk: rack.csv and rack.json for pelicun are not written: probability at the highest"
+    assert f"{refused} intensity: got 0" in printed.err
     assert not (tmp_path / "out" / "rack.csv").exists()
     # What another command left under either name goes with it, and nothing else does.
     for name in ("rack.csv", "rack.json", "old.xml", "own.csv"):
         (tmp_path / "out" / name).write_text("old")
     values = json.loads((tmp_path / "out" / "risk.json").read_text())
-    assert (values["exports"], values["pelicun"][:15]) == (["rack.xml"], "probability[-1]")
+    assert (values["exports"], values["pelicun"][:15]) == (["rack.xml"], "probability at ")
     exports = ["rack.csv", "rack.json", "old.xml", "../own.csv", "curve.csv", "risk.json", 3]
     (tmp_path / "out" / "risk.json").write_text(json.dumps({"exports": exports}))
     (tmp_path / "own.csv").write_text("mine")
