@@ -161,19 +161,40 @@ class Risk(Result):
             through = "the points, joined by lines"
         at_once = " (all probabilities at their lower, or all at their upper limits, as there is no fit)"
         limits = f"; the limits contain the sampling of {sampled}{at_once * (not self.curve.fitted)}" * bool(sampled)
-        if self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02:
-            form = "the lognormal curve" if self.curve.fitted else "the points of the curve"
-            through += f". By {form}, which files for OpenQuake and pelicun carry, the rate is "
-            through += rate_text(self.exported_rate)
-            if self.curve.fitted:
-                limits = f"; the limits are those of this curve, and contain the sampling of {sampled}" * bool(sampled)
         text = (
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
             "The hazard and the model of the block count as known."
         )
+        if self._two_rates:
+            text += " Files for OpenQuake and pelicun carry the lognormal curve."
+        elif self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02:
+            text += " By the points of the curve, which files for OpenQuake and pelicun carry, the rate is "
+            text += f"{rate_text(self.exported_rate)}."
+        if self.upper_from_below > 0.2:
+            lowest = f"{self.curve.measure} {np.nanmin(self.curve.jumps):.3g} {self.curve.unit}"
+            text += f" At the upper limit {100.0 * self.upper_from_below:.0f} % of the rate come from below {lowest}, "
+            text += "the lowest at which a motion overturns the block."
         if not self.curve.jumps.size:
             text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]
+
+    @property
+    def _two_rates(self):
+        """Whether the rate differs from that of the lognormal curve, which has the limits, by more than 2 % (bool)."""
+        return self.curve.fitted and self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02
+
+    @functools.cached_property
+    def upper_from_below(self) -> float:
+        """Share of the upper limit from intensities at which no motion overturns the block; 0 with noise, or no fit."""
+        curve = self.curve
+        if not (curve.fitted and len(curve.replicates) and np.isfinite(curve.jumps).any()):
+            return 0.0
+        edges = edges_of_rules(curve, self.hazard)
+        rates = lognormal_rates(curve.replicates, self.hazard, edges[0], edges[-1])
+        low, high = np.quantile(rates, [0.965, 0.985])
+        near = (rates >= low) & (rates <= high)
+        lowest = math.log(np.nanmin(curve.jumps))
+        return float(lognormal_rates(curve.replicates[near], self.hazard, edges[0], lowest).sum() / rates[near].sum())
 
     @property
     def _periods(self):
@@ -181,6 +202,9 @@ class Risk(Result):
         low, high = self.interval
         if self.rate > 0.0:
             years, probability = f"{years_text(self.return_period, 3)} years", f"{self.probability():.2g}"
+            if self._two_rates:
+                years += f", by the curve {years_text(1.0 / self.exported_rate, 3)}"
+                probability += f", by the curve {-math.expm1(-50.0 * self.exported_rate):.2g}"
             if low > 0.0:
                 years += f" ({years_text(1.0 / high, 2)} to {years_text(1.0 / low, 2)})"
                 probability += f" ({-math.expm1(-50.0 * low):.2g} to {-math.expm1(-50.0 * high):.2g})"
@@ -201,7 +225,13 @@ class Risk(Result):
         if not self.rate > 0.0:
             return f"annual rate of {name} below {high} (95 %: none of {self.curve.units} overturned)"
         limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
-        return f"annual rate of {name} = {rate_text(self.rate)}{limits}"
+        rate = rate_text(self.rate)
+        if self._two_rates:
+            own = "the motions" if self.curve.records > 1 else "the points"
+            return (
+                f"annual rate of {name} = {rate} by {own}, {rate_text(self.exported_rate)}{limits} by a lognormal curve"
+            )
+        return f"annual rate of {name} = {rate}{limits}"
 
     @property
     def remarks(self) -> tuple[str, ...]:

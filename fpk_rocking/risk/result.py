@@ -22,7 +22,7 @@ from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, critical_text, factor_diagnostics
 from fpk_rocking.studies.drawing import Draws
-from fpk_rocking.studies.jumps import FARTHEST
+from fpk_rocking.studies.jumps import FARTHEST, overturns
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.motions import intensity_of, motion_lines, motion_table
 from fpk_rocking.studies.pooled import IntensityCurve
@@ -178,9 +178,12 @@ class Study(Result):
             return ""
         if self.uncorrected is None:
             return 'baseline = "none" (--baseline none) gives the result without the correction of the baselines.'
-        change = np.abs(self.uncorrected.probability - self.curve.probability)
+        both = self.curve.jumps, self.uncorrected.jumps
+        places = np.unique(np.concatenate([jumps[np.isfinite(jumps)] for jumps in both]))
+        shares = (overturns(jumps.reshape(-1, jumps.shape[-1]), places).mean(axis=0) for jumps in both)
+        change = np.abs(np.subtract(*shares))
         place = int(change.argmax())
-        intensity = f"{self.curve.measure} {self.curve.intensity[place]:.3g} {self.curve.unit}"
+        intensity = f"{self.curve.measure} {places[place]:.3g} {self.curve.unit}"
         text = f"Without the correction of the baselines P({self.curve.name}) would differ by up to "
         text += f"{change[place]:.2g} (at {intensity})"
         if self.risk is None:

@@ -32,8 +32,8 @@ _DRAWS, _IMPUTED = (999, 20_000), 1e7
 _STEADY = 0.3
 """Standard error of ln β above which a row has no dispersion of its own."""
 
-_SETS = 399
-"""Suites that the distribution of the test is simulated with."""
+_SETS, _COMPLETE_SETS = 399, 9999
+"""Suites that the distribution of the test is simulated with; where all capacities are complete they cost nothing."""
 
 
 class Capacities(NamedTuple):
@@ -280,7 +280,7 @@ class Capacities(NamedTuple):
             from scipy import stats
 
             means = self.middle @ mean_of
-            law = {"statistic": "ks", "n_mc_samples": _SETS, "random_state": rng}
+            law = {"statistic": "ks", "n_mc_samples": _COMPLETE_SETS, "random_state": rng}
             return float(stats.goodness_of_fit(stats.norm, means, **law).pvalue)
         mu, between, own, noise = np.median(self.draws(_SETS, rng)[0], axis=0)
         middle = mu + between * rng.standard_normal((_SETS, mean_of.shape[1]))[:, self.motion]

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import special, stats
 from suites import SCALES, SIZE, curve_of, record, suite
 
 from fpk_rocking import Block, NoNoise, Scene
@@ -163,7 +163,10 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, refined=True), law)
     assert along.exported_rate == pytest.approx(closed, rel=1e-9)
     assert along.rate < 0.7 * closed
-    assert f"carry, the rate is {rate_text(closed)}; the limits are those of this curve" in along.sentences[0]
+    title = f"annual rate of overturning = {rate_text(along.rate)} by the points, {rate_text(closed)} "
+    assert along.sentences[0].startswith(f"{title}by a lognormal curve: return period ")
+    assert f", by the curve {-math.expm1(-50.0 * closed):.2g}" in along.sentences[0]
+    assert "Files for OpenQuake and pelicun carry the lognormal curve." in along.sentences[0]
     assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
     without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
     points = annual_frequency(without, law)
@@ -178,6 +181,21 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
         "By the points of the curve, which files for OpenQuake and pelicun carry, the rate is " in stepped.sentences[0]
     )
     assert rate_text(stepped.exported_rate) in stepped.sentences[0]
+
+
+def test_what_of_the_upper_limit_comes_from_where_no_motion_overturns():
+    """Replicates of one median and dispersion, whose rate below .4 is integrated on a grid."""
+    curve, law = curve_of(0.7, 0.5), Hazard.power_law(rate=1e-3, exponent=2.0)
+    jumps = np.array([0.4, 0.9, 1.6])[:, None, None]
+    risk = annual_frequency(dataclasses.replace(curve, jumps=jumps, replicates=np.tile([0.7, 0.5], (50, 1))), law)
+    grid = np.geomspace(1e-3, 1e3, 400_001)
+    parts = special.ndtr(np.log(np.sqrt(grid[1:] * grid[:-1]) / 0.7) / 0.5) * -np.diff(law(grid))
+    share = parts[grid[1:] <= 0.4].sum() / parts.sum()
+    assert risk.upper_from_below == pytest.approx(share, rel=1e-3)
+    assert 0.2 < share < 0.9
+    sentence = f"At the upper limit {100.0 * share:.0f} % of the rate come from below PGV 0.4 m/s, the lowest at which"
+    assert sentence in risk.sentences[0]
+    assert annual_frequency(curve, law).upper_from_below == 0.0
 
 
 def test_years_are_plain_numbers():
