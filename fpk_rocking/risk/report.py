@@ -213,7 +213,10 @@ def _motions(study):
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "pgv_as_recorded_m_per_s": "PGV as recorded, m/s"}
     names |= {"overturn_s": "overturns, s", "overturn_side": "to the"}
-    names |= {"peak_rotation": "largest |θ|/θ_cr", "critical_scale": f"factor at critical {curve.measure}"}
+    names |= {
+        "peak_rotation": "largest |θ| over the critical angle",
+        "critical_scale": f"factor at critical {curve.measure}",
+    }
     unit = f"{curve.measure}, {curve.unit}"
     names |= {"critical_intensity": f"critical {unit}", "always_intensity": f"always from {unit}"}
     names["equivalent_intensity"] = f"equivalent {unit}"
