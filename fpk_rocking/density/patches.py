@@ -78,12 +78,12 @@ def resolution_of(mean, covariance, space):
 
 
 def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
-    """Return a function of time, 0 to `end`: the `Gaussian` of an exact block in a flight in which nothing happens.
+    """Return a function of time from 0 on: the `Gaussian` of an exact block in a flight in which nothing happens.
 
     `gaussian` is that at time 0, `side` the side of the flight, ±1. Its moments obey ordinary differential equations of
     first order in its spread, which are integrated as far as asked, by two half steps and a whole one, with cubics
-    between: to import an integrator would take longer. `dynamics` are those of the scene, with its noise. All are
-    nondimensional.
+    between: to import an integrator would take longer. A step meets the time `end`. `dynamics` are those of the scene,
+    with its noise. All are nondimensional.
     """
     block, forcing, envelope = dynamics.block, dynamics.forcing, dynamics.envelope
     alpha, saddle, scale = block.critical_angle, block.saddles[side > 0], block.scales[side > 0]
@@ -104,11 +104,12 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     slopes = [rates(0.0, states[0])]
 
     def at(time):
-        """Return the `Gaussian` at a `time` up to the end, integrated up to there if it is not yet."""
+        """Return the `Gaussian` at a `time`, integrated up to there if it is not yet."""
         nonlocal step
         # Most starts meet the mesh long before the end, and a record makes many steps.
-        while times[-1] < min(time, end):
-            begin, state, step = times[-1], states[-1], min(step, end - times[-1])
+        while times[-1] < time:
+            begin, state = times[-1], states[-1]
+            step = min(step, (end if begin < end else time) - begin)
             coarse = _runge_kutta(rates, begin, state, slopes[-1], step)
             middle, half = begin + 0.5 * step, _runge_kutta(rates, begin, state, slopes[-1], 0.5 * step)
             fine = _runge_kutta(rates, middle, half, rates(middle, half), 0.5 * step)
