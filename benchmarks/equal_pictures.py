@@ -103,7 +103,7 @@ def draw_growth(path, noise, horizon, tol):
         left.plot(diffusions[warned], seconds[warned], "D", color="black", markerfacecolor="white")
         left.plot(diffusions, sampled, "o-", color=pictures.COLOURS[0])
         pictures.named(left, "density solver", (diffusions[-1], seconds[-1]), "black", offset=(8.0, 4.0))
-        pictures.named(left, "Monte Carlo", (diffusions[-1], sampled[-1]), pictures.COLOURS[0], offset=(8.0, -8.0))
+        pictures.named(left, "Monte Carlo", (diffusions[-1], sampled[-1]), pictures.COLOURS[0], offset=(0.0, 10.0))
         left.set(xscale="log", yscale="log", xlabel="diffusion D of the noise, nondimensional", ylabel="seconds")
         left.set_title(f"(a) {CYCLES} cycles, against the noise")
         last = steps[-1]

@@ -149,12 +149,12 @@ def phrases():
     yield f"on both rocks, by at least {min(single):.1f} standard errors"
     housner = pair(lambda row: 1.0 - 1.5 * math.sin(row["posterior"]["critical_angle"][0]) ** 2, 3)
     yield f"Housner's restitution would be {housner}."
-    yield f"Used here are {len(RESULTS['tests']['id'])} of these tests"
+    yield f"Used here are {len(RESULTS['tests']['id'])} tests of each rock"
     missed = (
         f"{RESULTS[name]['wrong, predicted to stand']} of {RESULTS[name]['wrong']}" for name in benchmark.SPECIMENS
     )
     yield f"{' and '.join(missed)} overturned"
-    yield f"order of PGA, as are {pair(lambda row: row['outcomes not in order'], 0)} of all tests"
+    yield f"squares in the picture, as are {pair(lambda row: row['outcomes not in order'], 0)} of all tests"
     for name in benchmark.SPECIMENS:
         rows = [RESULTS[name][variants][f"{text}"] for text in list(benchmark.PRIORS)[3:]]
         yield ", ".join(f"{row['Brier above']:+.4f}".replace("0.", ".", 1) for row in rows) + f" ({name})"
