@@ -179,8 +179,8 @@ class Study(Result):
         if self.uncorrected is None:
             return 'baseline = "none" (--baseline none) gives the result without the correction of the baselines.'
         both = self.curve.jumps, self.uncorrected.jumps
-        places = np.unique(np.concatenate([jumps[np.isfinite(jumps)] for jumps in both]))
-        shares = (overturns(jumps.reshape(-1, jumps.shape[-1]), places).mean(axis=0) for jumps in both)
+        places = np.unique(np.concatenate([self.curve.intensity, *(jumps[np.isfinite(jumps)] for jumps in both)]))
+        shares = (overturns(np.concatenate(list(jumps)), places).mean(axis=0) for jumps in both)
         change = np.abs(np.subtract(*shares))
         place = int(change.argmax())
         intensity = f"{self.curve.measure} {places[place]:.3g} {self.curve.unit}"

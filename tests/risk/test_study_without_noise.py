@@ -141,6 +141,18 @@ def test_without_noise_each_motion_is_told_by_name(tmp_path):
         assert f"<td>{factor:.4g}</td>" in page
 
 
+def test_a_correction_under_motions_that_overturn_nothing_changes_nothing(monkeypatch):
+    monkeypatch.setattr(jumps_module, "FARTHEST", 1.5)
+    block, hazard = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), Hazard.power_law(1e-4, 2.5)
+    motions = [
+        dataclasses.replace(motion, samples=tuple((0.05 * np.array(motion.samples) + 0.002).tolist()))
+        for motion in synthetic_records(5, duration=5.0)
+    ]
+    result = study(block, motions, hazard, [0.01, 0.02], baseline="high-pass")
+    assert result.critical.jumps.size == 0
+    assert "P(overturned) would differ by up to 0 (at PGV " in result.about_correction
+
+
 def test_what_a_correction_of_baselines_changes_of_the_rate_is_said():
     """Motions with a drift added: the rate without the correction is that of a study of the motions as they are."""
     block, hazard = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), Hazard.power_law(1e-4, 2.5)
