@@ -16,7 +16,7 @@ from report import table, write_section
 from fpk_rocking import BandNoise, Scene
 from fpk_rocking.risk import Hazard, study
 from fpk_rocking.studies import critical_intensities
-from fpk_rocking.studies.jumps import FINE, SETTLED, first_scale, last_scale
+from fpk_rocking.studies.jumps import FINE, SETTLED, first_scale
 from montecarlo.engines.batches import ScaledPaths
 
 BLOCKS = (0.5, 1.8), (0.3, 1.5)
@@ -55,43 +55,30 @@ def exceedance(jumps):
     return float(((-1.0) ** np.arange(jumps.size) * jumps**-EXPONENT).sum())
 
 
-def padded(rows):
-    """Return rows of numbers as an array (m, k) with nan behind the last of each."""
-    out = np.full((len(rows), max(map(len, rows))), math.nan)
-    for row, values in zip(out, rows, strict=True):
-        row[: len(values)] = values
-    return out
-
-
 def block_row(size, motions):
     """Compare search and scan under all motions; return a dict of the row's values for one block (width, height)."""
     suite = critical_intensities(Scene.from_block(*size, record=motions[0]), motions, measure="PGV")
-    own = [row[np.isfinite(row)] / unit for row, unit in zip(suite.jumps, suite.own, strict=True)]
-    ends = [len(row) % 2 == 1 for row in own]
-    scenes = [scene for scene, end in zip(suite.scenes, ends, strict=True) if end]
-    units = suite.own[ends]
-    own = [row for row, end in zip(own, ends, strict=True) if end]
-    fine = []
-    for number, (scene, row) in enumerate(zip(scenes, own, strict=True)):
-        fine.append(scanned(scene, row))
-        print(size, number, len(row), len(fine[-1]), flush=True)
+    own, fine = [], []
+    for scene, row, unit in zip(suite.scenes, suite.jumps, suite.own, strict=True):
+        jumps = row[np.isfinite(row)]
+        if jumps.size % 2:  # the block overturns at the end of the search
+            own.append(jumps)
+            fine.append(unit * scanned(scene, jumps / unit))
+            print(size, len(own), jumps.size, fine[-1].size, flush=True)
     widths, lost = map(np.concatenate, zip(*map(missed, fine, own), strict=True))
-    fine = padded([row * unit for row, unit in zip(fine, units, strict=True)])
-    own = padded([row * unit for row, unit in zip(own, units, strict=True)])
-    grid = np.geomspace(np.nanmin(own), np.nanmax(last_scale(own)), 4001)
-    shares = [(np.array([np.searchsorted(row[np.isfinite(row)], grid) % 2 for row in rows])).mean(axis=0)
-              for rows in (fine, own)]  # fmt: skip
-    truth = np.mean([exceedance(row[np.isfinite(row)]) for row in fine])
+    grid = np.geomspace(min(row[0] for row in own), max(row[-1] for row in own), 4001)
+    before, after = (np.mean([np.searchsorted(row, grid) % 2 for row in rows], axis=0) for rows in (fine, own))
+    truth = np.mean([exceedance(row) for row in fine])
     return {
-        "motions": len(scenes),
+        "motions": len(own),
         "intervals": widths.size,
         "narrow": float((widths < FINE).mean()),
         "missed": float(lost.mean()),
         "missed of 1 % or more": float(lost[widths >= FINE].mean()),
-        "mean change of P": float(np.diff(shares, axis=0).mean()),
-        "rate by lowest": float((fine[:, 0] ** -EXPONENT).mean() / truth),
-        "rate by critical": float((first_scale(fine) ** -EXPONENT).mean() / truth),
-        "rate by search": float(np.mean([exceedance(row[np.isfinite(row)]) for row in own]) / truth),
+        "mean change of P": float((after - before).mean()),
+        "rate by lowest": float(np.mean([row[0] ** -EXPONENT for row in fine]) / truth),
+        "rate by critical": float(np.mean([first_scale(row[None]) ** -EXPONENT for row in fine]) / truth),
+        "rate by search": float(np.mean([exceedance(row) for row in own]) / truth),
     }
 
 

@@ -148,7 +148,7 @@ def test_weak_order_is_one(monkeypatch):
     With 16,000 paths the order is 1.02 and the largest error 0.1181 ± 0.0007, larger where the impact is not put on a
     parabola; 4000 tell them to 0.026 and 0.0015. False alarm 6e-5.
     """
-    monkeypatch.setattr(white, "BRIEF", 0.0)
+    monkeypatch.setattr(white, "TUNING", white.TUNING._replace(bounce_time=0.0))
     steps, paths, errors, scene = np.array([8, 16, 32, 64]), 4000, [], scene_of(0.0, 0.5, 0.01, frequency=math.pi / 8.0)
     for n in steps:
         run = histories(scene, cycles=1, realizations=paths, seed=int(n), steps_per_cycle=int(n), samples_per_cycle=1)

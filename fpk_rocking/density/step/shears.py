@@ -9,7 +9,7 @@ import numpy as np
 
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.step.remap import (
+from fpk_rocking.density.step.remap_rows import (
     adjoint_clamp_to_end,
     adjoint_mass_past_end,
     adjoint_remap_row,
