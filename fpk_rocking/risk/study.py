@@ -136,9 +136,9 @@ def study(
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
     options: dict[str, Any] = {"realizations": realizations, "scale_noise": scale_noise, "workers": workers}
-    still = all(shaken.deterministic for shaken in scenes)
-    twice = still and draws is None and corrected(scenes)
-    report = _RoundsReport(progress, 1 + twice)
+    deterministic = all(shaken.deterministic for shaken in scenes)
+    uncorrected_too = deterministic and draws is None and corrected(scenes)
+    report = _RoundsReport(progress, 1 + uncorrected_too)
 
     def sample(scale, number, scenes=at_one):
         """Return the `Fragility` of scenes at intensities `scale` (n,), in a round of this `number`.
@@ -155,7 +155,7 @@ def study(
         return annual_frequency(dataclasses.replace(curve, refined=True), not_none(exceeded))
 
     asked = None if intensities is None else np.sort(np.asarray(intensities, float))
-    if still:
+    if deterministic:
         curves, added, moved = sample(np.ones(1) if asked is None else asked, 0), 0, 0.0
         if asked is None:
             curves = curves.at_scales(_range(not_none(curves.critical)))
@@ -168,7 +168,7 @@ def study(
             curves, added, moved = refined(sample, risk_of, asked, _above(asked[-1], not_none(calm)))
     curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws), None
     curve = dataclasses.replace(curve, refined=exceeded is not None and curves.motions is None)
-    if twice:
+    if uncorrected_too:
         raw = recorded_scenes(scene, [shaken.forcing for shaken in scenes], baseline="none")
         raw = [at_intensity(shaken, measure, noise=scale_noise) for shaken in raw]
         uncorrected = IntensityCurve.of(sample(curves.scale, -1, raw), measure, samples=1)

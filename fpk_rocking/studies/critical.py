@@ -282,8 +282,9 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     far = factor[np.isfinite(factor) & (factor > LARGEST_FACTOR)]
     if not far.size:
         return []
-    longer = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    more = f", and under {longer} of them it may still stand above {LARGEST_FACTOR:g} times" * (longer > far.size)
+    far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
+    text = f", and under {far_always} of them it may still stand above {LARGEST_FACTOR:g} times"
+    more = text * (far_always > far.size)
     sentence = (
         f"{far.size} of {factor.size} motions overturn the block first at more than {LARGEST_FACTOR:g} times their "
         f"own strength, up to {far.max():.3g} times{more}. Common advice is to scale a record by 4 or 5 at most "
