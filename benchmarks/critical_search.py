@@ -16,7 +16,7 @@ from report import table, write_section
 from fpk_rocking import BandNoise, Scene
 from fpk_rocking.risk import Hazard, study
 from fpk_rocking.studies import critical_intensities
-from fpk_rocking.studies.jumps import FINE, SETTLED, first_scale
+from fpk_rocking.studies.outcomes import FINE, SETTLED, first_scale
 from montecarlo.engines.batches import ScaledPaths
 
 BLOCKS = (0.5, 1.8), (0.3, 1.5)

@@ -9,7 +9,7 @@ import numpy as np
 from density import CYCLES, FINE_EDGES, MAIN
 from report import ROOT
 
-from fpk_rocking.base.files import replaced_atomically
+from fpk_rocking.results.storage import replaced_atomically
 from montecarlo import tally
 
 FILE = ROOT / "tests" / "data" / "main_white_fine.npz"

@@ -8,7 +8,7 @@ import numpy as np
 from report import ROOT
 
 from fpk_rocking import load_scene
-from fpk_rocking.base import files
+from fpk_rocking.results import storage
 from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
 from montecarlo import tally
@@ -147,5 +147,5 @@ def save(references):
         for name, reference in references.items()
         for field, value in reference._asdict().items()
     }
-    with files.replaced_atomically(REFERENCES) as temporary:
+    with storage.replaced_atomically(REFERENCES) as temporary:
         np.savez_compressed(temporary, **arrays)

@@ -23,8 +23,8 @@ from hard_rows import Reference
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.base import files
 from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.results import storage
 from fpk_rocking.results.grids import centred_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo import histories, simulate, tally
@@ -161,7 +161,7 @@ def reference_of(scene, paths):
     histogram = run.counts.histogram[list(BINNED)]
     reference = Reference(*map(np.array, settings), run.survivors, np.array(BINNED), *edges, histogram)
     KEPT.mkdir(parents=True, exist_ok=True)
-    with files.replaced_atomically(file) as temporary:
+    with storage.replaced_atomically(file) as temporary:
         np.savez_compressed(temporary, **reference._asdict())
     return reference
 

@@ -30,7 +30,8 @@ from fpk_rocking import Scene, probability, solve_fpk
 from fpk_rocking.base.jit import at_most
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene import FilteredNoise, Pulse
-from fpk_rocking.studies import overturning, stopping, synthetic_records
+from fpk_rocking.studies import overturning, synthetic_records
+from fpk_rocking.studies.probability import WantedError
 from montecarlo import simulate, split
 from montecarlo.engines.walkers import score_table
 
@@ -189,7 +190,7 @@ def write_coverage(repeats=20_000, seed=3902):
     asked = [("tol", 5e-3), ("tol", 1e-3), ("rtol", 0.1)]
     rows = []
     for name, value in asked:
-        wanted = stopping.WantedError(**({"tol": 0.0, "rtol": 0.0} | {name: value}))
+        wanted = WantedError(**({"tol": 0.0, "rtol": 0.0} | {name: value}))
         for share in (1e-5, 1e-4, 1e-3, 0.01, 0.03, 0.1, 0.3, 0.5):
             rows.append([f"{name} {value:g}", share, *coverage(share, wanted, repeats, random)])
             print(rows[-1], flush=True)

@@ -21,7 +21,7 @@ import numpy as np
 from report import ROOT
 
 from fpk_rocking import Scene, solve_fpk
-from fpk_rocking.base.files import write_text
+from fpk_rocking.results.storage import write_text
 from fpk_rocking.scene import (
     BandNoise,
     Block,

@@ -19,7 +19,7 @@ from practical_blocks import CYCLES, practical_blocks
 from report import ROOT
 
 from fpk_rocking import Record, Scene, solve_fpk
-from fpk_rocking.base import files
+from fpk_rocking.results import storage
 from fpk_rocking.results.trust import REPLACED
 from fpk_rocking.studies import checked
 from montecarlo import simulate, tally
@@ -136,7 +136,7 @@ def main():
         print(*cells_of(len(rows), rows[-1]), sep=" | ", flush=True)
     values = {"seed": options.seed, "tol": TOL, "paths": options.paths} | summary(rows)
     values |= {"columns": COLUMNS, "rows": list(itertools.starmap(cells_of, enumerate(rows, 1)))}
-    files.write_text(ROOT / "docs" / "benchmarks" / f"replacement_{options.kind}.json", json.dumps(values, indent=1))
+    storage.write_text(ROOT / "docs" / "benchmarks" / f"replacement_{options.kind}.json", json.dumps(values, indent=1))
     print(*(f"{name}: {value}" for name, value in values.items() if name not in {"columns", "rows"}), sep="\n")
 
 

@@ -6,7 +6,7 @@ import re
 import statistics
 import time
 
-from fpk_rocking.base import files
+from fpk_rocking.results import storage
 
 ROOT = pathlib.Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "benchmarks.md"
@@ -82,7 +82,7 @@ def write_section(title, body, page=PAGE, values=None):
     body = body.strip()
     print(f"## {title}\n\n{body}\n", flush=True)
     values_of_file = {"title": title, "text": body.split("\n"), "tables": tables_of(body), **(values or {})}
-    files.write_text(DATA / f"{slug(title)}.json", json.dumps(values_of_file, indent=1, ensure_ascii=False) + "\n")
+    storage.write_text(DATA / f"{slug(title)}.json", json.dumps(values_of_file, indent=1, ensure_ascii=False) + "\n")
     if page is None:
         return
     pictures = re.findall(r"(?m)^!\[.*$", body)[:1]
@@ -94,7 +94,7 @@ def write_section(title, body, page=PAGE, values=None):
         parts[places[0]] = section
     else:
         parts.append(section)
-    files.write_text(page, "\n".join(part.strip() + "\n" for part in parts))
+    storage.write_text(page, "\n".join(part.strip() + "\n" for part in parts))
 
 
 def result_of(body):

@@ -37,10 +37,9 @@ from fig08_mean_poincare import LENGTHS, SETTLED
 from scipy import stats
 
 from fpk_rocking import BandNoise, load_scene, melnikov
-from fpk_rocking.base import files
 from fpk_rocking.output import tables
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import correlation_dimension, restarted_poincare_map, simulate
 
 BANDS = (5.0, 6.0, 7.0, 8.0, 9.0, 9.5, 10.0, 10.5, 11.0, 12.0, 13.0, 14.0, 16.0, 20.0)
@@ -105,7 +104,7 @@ def run(
         "joint": _joint(from_zero, seeds, few_seeds),
     }
     draw(out / "band.png", values)
-    files.write_json(out / "band.json", values)
+    storage.write_json(out / "band.json", values)
     return values
 
 

@@ -28,8 +28,7 @@ from command import command
 
 from fpk_rocking import NoNoise, load_scene
 from fpk_rocking.analytics.orbits import symmetric_orbits
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate
 
 AMPLITUDES = tuple(np.round(np.arange(2.5, 4.8, 0.005), 4).tolist())
@@ -77,7 +76,7 @@ def run(out, amplitudes=AMPLITUDES, cycles=20_000) -> dict:
         "beyond": [_lifetime(scene, crises[0][1] + distance, cycles) for distance in BEYOND],
     }
     _draw(out / "bifurcation.png", scene, points, values)
-    files.write_json(out / "bifurcation.json", values)
+    storage.write_json(out / "bifurcation.json", values)
     return values
 
 

@@ -32,10 +32,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, WhiteNoise, load_scene, solve_fpk
-from fpk_rocking.base import files
 from fpk_rocking.output.tables import reporting
 from fpk_rocking.physics.noise import equivalence
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate
 
 RESTITUTIONS = (0.5, 0.7)
@@ -97,7 +96,7 @@ def run(
     findings = {"cycles": CYCLES, "harmonics": harmonics, "realizations": realizations, "noises": rows}
     findings["budget"] = budget(main_scene, 10 * realizations, tol, seed)
     draw(out / "equivalence.png", findings)
-    files.write_json(out / "equivalence.json", findings)
+    storage.write_json(out / "equivalence.json", findings)
     return findings
 
 

@@ -20,10 +20,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Block, Dimensions, NoNoise, Scene
-from fpk_rocking.base import files
-from fpk_rocking.base.files import plain
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
+from fpk_rocking.results.storage import plain
 from fpk_rocking.risk import IntensityCurve, at_intensity
 from fpk_rocking.studies import fragility, synthetic_records
 
@@ -85,7 +84,7 @@ def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
             blocks.append({"width": size.width, "height": size.height} | median_of(size, suite))
             progress(number + 1, len(sizes) + len(others))
     values = {"motions": motions, "published": [median for *_, median in published], "blocks": blocks}
-    files.write_json(out / "fema_p58.json", plain(values))
+    storage.write_json(out / "fema_p58.json", plain(values))
     draw(out / "fema_p58.png", values)
     return values
 

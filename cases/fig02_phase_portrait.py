@@ -28,8 +28,7 @@ from command import command
 from scipy.integrate import quad
 
 from fpk_rocking import melnikov
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 
 CUTOFF = math.pi / 2
 INSIDE = (0.1, 0.2, 0.3, 0.4)
@@ -69,7 +68,7 @@ def run(out, restitution=0.7, frequencies=(0.0, 0.5, 1.0, 2.0, 2.7, 4.0, 8.0)) -
         "transfer_by_quadrature": work,
     }
     draw(out / "fig02.png", values)
-    files.write_json(out / "fig02.json", values)
+    storage.write_json(out / "fig02.json", values)
     return values
 
 

@@ -26,8 +26,7 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, NoNoise, load_scene, melnikov
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9)
 PAPER = 0.5
@@ -75,7 +74,7 @@ def run(out, variance=0.286) -> dict:
         "remarks": [noise.remark],
     }
     draw(out / "fig03.png", values)
-    files.write_json(out / "fig03.json", values)
+    storage.write_json(out / "fig03.json", values)
     return values
 
 

@@ -30,8 +30,7 @@ from command import command
 from fig03_critical_amplitude import noise_of
 
 from fpk_rocking import BandNoise, Harmonic, NoNoise, melnikov
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 
 FORCING = Harmonic(4.0, 4.0)
 RESTITUTIONS = (0.3, 0.5, 0.7, 0.9, 1.0)
@@ -85,7 +84,7 @@ def run(out, variance=0.16, strata=512, realizations=4000, seed=1) -> dict:
         "remarks": [noise.remark],
     }
     draw(out / "fig04.png", values)
-    files.write_json(out / "fig04.json", values)
+    storage.write_json(out / "fig04.json", values)
     return values
 
 

@@ -21,8 +21,7 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import histories, simulate
 
@@ -71,7 +70,7 @@ def run(out, realizations=20_000, cycles=400, bounded_cycles=2000, seed=1) -> di
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig05.png", quiet, paths, chosen, ensembles, values)
-    files.write_json(out / "fig05.json", values)
+    storage.write_json(out / "fig05.json", values)
     return values
 
 
@@ -98,7 +97,7 @@ def _lateness(ensemble, highest):
         "standing_after_125": beyond / cycles.size,
         "interval": wilson_interval(beyond, cycles.size).tolist(),
         "to_the_right": float(np.mean(ensemble.overturn_side[overturned] > 0)),
-        "quantiles_of_cycles": files.plain(dict(zip(map(str, shares), quantiles, strict=True))),
+        "quantiles_of_cycles": storage.plain(dict(zip(map(str, shares), quantiles, strict=True))),
         "survival_every_25_cycles": ensemble.survival[::every].tolist(),
     }
 

@@ -27,10 +27,11 @@ from command import command
 from opengl import probe_rendering
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.base import files, precompilation
+from fpk_rocking.base import precompilation
 from fpk_rocking.compare import compare
 from fpk_rocking.output import figures, tables, vtk
 from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import storage
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -92,7 +93,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
         "rendering": {"works": rendering.works, "missing": list(rendering.missing), "reason": rendering.reason},
         "remarks": list(remarks(density, band, white)),
     }
-    files.write_json(out / "summary.json", values)
+    storage.write_json(out / "summary.json", values)
     tables.show(*tables.comparison_table(against))
     return values
 

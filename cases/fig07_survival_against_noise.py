@@ -33,8 +33,7 @@ import numpy as np
 from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate, tally
 
 VARIANCES = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.004, 0.005, 0.0075, 0.01, 0.0125, 0.015, 0.02, 0.025, 0.03, 0.04)
@@ -113,7 +112,7 @@ def run(
         "remarks": [scene.noise.remark, _REPLACEMENT],
     }
     draw(out / "fig07.png", values)
-    files.write_json(out / "fig07.json", values)
+    storage.write_json(out / "fig07.json", values)
     return values
 
 

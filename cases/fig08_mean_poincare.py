@@ -27,8 +27,7 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import correlation_dimension, mean_poincare_map, restarted_poincare_map, simulate
 
 VARIANCE = 0.04**2
@@ -84,7 +83,7 @@ def run(out, variance=VARIANCE, cycles=500, realizations=1200, seeds=8) -> dict:
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig08.png", attractor, free, maps[0], mean, values)
-    files.write_json(out / "fig08.json", values)
+    storage.write_json(out / "fig08.json", values)
     return values
 
 

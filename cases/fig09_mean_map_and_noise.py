@@ -29,9 +29,8 @@ from fig08_mean_poincare import LENGTHS, SETTLED, attractor_of, dimensions_of
 from scipy.spatial import KDTree
 
 from fpk_rocking import load_scene
-from fpk_rocking.base import files
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import restarted_poincare_map
 
 PAPER = (0.05, 0.06, 0.12, 0.13, 0.16)
@@ -80,7 +79,7 @@ def run(out, paper=PAPER, between=BETWEEN, seeds=8, realizations=1200, cycles=50
         "remarks": [scene.noise.remark],
     }
     _draw(out / "fig09.png", attractor, [maps[deviation][0] for deviation in paper[:4]], paper, values)
-    files.write_json(out / "fig09.json", values)
+    storage.write_json(out / "fig09.json", values)
     return values
 
 

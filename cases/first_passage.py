@@ -25,9 +25,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
-from fpk_rocking.base import files
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import tally
 
@@ -81,7 +80,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
         ],
     }
     draw(out / "passage.png", values)
-    files.write_json(out / "passage.json", values)
+    storage.write_json(out / "passage.json", values)
     return values
 
 

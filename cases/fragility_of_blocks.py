@@ -21,10 +21,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Record, Scene
-from fpk_rocking.base import files
 from fpk_rocking.envelopes import Table
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.studies import fragility
 from fpk_rocking.studies.picture import logarithmic
 
@@ -95,7 +94,7 @@ def run(out, blocks=tuple(BLOCKS), scales=SCALES, every=EVERY, realizations=10_0
         }
     }
     draw(out / "blocks.png", values)
-    files.write_json(out / "blocks.json", values)
+    storage.write_json(out / "blocks.json", values)
     return values
 
 

@@ -17,9 +17,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene
-from fpk_rocking.base import files
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.studies import fragility, grid, sweep
 from fpk_rocking.studies.picture import NAMES, draw_map
 
@@ -68,7 +67,7 @@ def run(out, sizes=SIZES, slendernesses=SLENDERNESSES, scales=SCALES, realizatio
         "by_slenderness": by_shape.summary(),
     }
     draw(out / "surface.png", values)
-    files.write_json(out / "surface.json", values)
+    storage.write_json(out / "surface.json", values)
     return values
 
 

@@ -20,7 +20,7 @@ import pathlib
 import sys
 import time
 
-from fpk_rocking.base.files import replaced_atomically, write_text
+from fpk_rocking.results.storage import replaced_atomically, write_text
 
 # The pictures of each case, and what they are called in the gallery.
 PICTURES = {

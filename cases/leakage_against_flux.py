@@ -29,8 +29,7 @@ from command import command
 from scipy import stats
 
 from fpk_rocking import load_scene, melnikov
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import overturning_rate, simulate
 
 VARIANCES = (0.001, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
@@ -77,7 +76,7 @@ def run(out, variances=VARIANCES, restitutions=RESTITUTIONS, cycles=100, realiza
         "remarks": [scene.noise.remark],
     }
     draw(out / "flux.png", values)
-    files.write_json(out / "flux.json", values)
+    storage.write_json(out / "flux.json", values)
     return values
 
 

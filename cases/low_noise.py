@@ -23,8 +23,7 @@ import numpy as np
 from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, WhiteNoise, load_scene
-from fpk_rocking.base import files
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate, split
 
 AMPLITUDE = 3.0
@@ -75,7 +74,7 @@ def run(out, diffusions=DIFFUSIONS, walkers=SPLIT, tol=0.035, seed=1) -> dict:
     ]
     values = {"scene": scene.to_toml(), "orbit": orbit, "tol": tol, "operator": rows, "splitting": sampled}
     draw(out / "low_noise.png", values)
-    files.write_json(out / "low_noise.json", values)
+    storage.write_json(out / "low_noise.json", values)
     return values
 
 

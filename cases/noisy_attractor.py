@@ -24,9 +24,8 @@ from command import command
 from matplotlib.colors import PowerNorm
 
 from fpk_rocking import CycleOperator, NoNoise, load_scene
-from fpk_rocking.base import files
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate
 
 LONG = (1, 10, 100, 200, 1000, 10**4)
@@ -72,7 +71,7 @@ def run(out, tol=1e-3, realizations=100_000, cycles=60, points=20_000, seed=1) -
     }
     _draw(out / "attractor.png", operator, quiet, ensemble, estimate)
     write_function(out / "attractor.vtu", operator.quasi_stationary, "density")
-    files.write_json(out / "attractor.json", values)
+    storage.write_json(out / "attractor.json", values)
     return values
 
 

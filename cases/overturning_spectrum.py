@@ -21,9 +21,8 @@ from command import command
 from matplotlib.colors import ListedColormap
 
 from fpk_rocking import Block, NoNoise, Overturning, Pulse, Scene
-from fpk_rocking.base import files
-from fpk_rocking.base.files import plain
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
+from fpk_rocking.results.storage import plain
 from montecarlo import histories
 
 RESTITUTION = 0.9
@@ -139,7 +138,7 @@ def run(out) -> dict:
         "least_amplitude_without_impact": without,
         "exact": {str(angle): plain(own.T) for angle, own in exact.items()},
     }
-    files.write_json(out / "overturning_spectrum.json", values)
+    storage.write_json(out / "overturning_spectrum.json", values)
     return values
 
 

@@ -24,12 +24,11 @@ import numpy as np
 from command import command
 
 from fpk_rocking import Scene, load_scene, solve_fpk
-from fpk_rocking.base import files
 from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space import velocity_bound
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate
 
 CYCLES, STEPS, SHOWN = 10, 128, 3.5  # steps in a cycle that is looked into; standard deviations of the noise in (c)
@@ -65,7 +64,7 @@ def run(out, cycles=CYCLES, realizations=20_000, tol=1e-2, resolution=2, seed=1)
     values["solved"] = {replacement: _solved(scene, cycles, tol, replacement) for replacement in ("filtered", "white")}
     values["inside"] = look_inside(filtered, resolution)
     draw(out / "rest.png", values)
-    files.write_json(out / "rest.json", values)
+    storage.write_json(out / "rest.json", values)
     return values
 
 

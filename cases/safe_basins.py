@@ -27,9 +27,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import CycleOperator, NoNoise, Start, load_scene
-from fpk_rocking.base import files
 from fpk_rocking.output.vtk import write_function
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from montecarlo import simulate
 
 VARIANCES = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.09, 0.16)
@@ -86,7 +85,7 @@ def run(out, variances=VARIANCES, shown=SHOWN, horizons=HORIZONS, starts=1_000_0
     }  # fmt: skip
     _draw(out / "basins.png", scene, quiet, maps, mean, values)
     write_function(out / "basins.vtu", maps[max(shown)], "survival")
-    files.write_json(out / "basins.json", values)
+    storage.write_json(out / "basins.json", values)
     return values
 
 

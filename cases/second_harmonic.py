@@ -35,9 +35,8 @@ from command import command
 from scipy.special import ndtr
 
 from fpk_rocking import CycleOperator, Scene, load_scene, melnikov, solve_fpk
-from fpk_rocking.base import files
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.sampling import wilson_interval
 from montecarlo import overturning_rate, simulate
 
@@ -89,7 +88,7 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
         "long_run": {"phases": circle} | long_run(turned, tol, *sampled),
     }
     draw(out / "second_harmonic.png", values)
-    files.write_json(out / "second_harmonic.json", values)
+    storage.write_json(out / "second_harmonic.json", values)
     return values
 
 

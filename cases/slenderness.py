@@ -18,10 +18,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene
-from fpk_rocking.base import files
-from fpk_rocking.base.files import plain
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
+from fpk_rocking.results.storage import plain
 from fpk_rocking.studies import fragility, scaled
 from montecarlo import simulate
 
@@ -99,7 +98,7 @@ def run(out, angles=ANGLES, frequencies=FREQUENCIES, realizations=4000, seed=1) 
                 )
                 progress(number + 1, len(frequencies))
         values[kind] = {"scale": scales, "slender": slender, "exact": exact}
-    files.write_json(out / "slenderness.json", plain(values))
+    storage.write_json(out / "slenderness.json", plain(values))
     draw(out / "slenderness.png", values)
     return values
 

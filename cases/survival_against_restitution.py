@@ -22,9 +22,8 @@ import numpy as np
 from command import command
 
 from fpk_rocking import NoNoise, load_scene, solve_fpk
-from fpk_rocking.base import files
 from fpk_rocking.output.tables import reporting
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 
@@ -91,7 +90,7 @@ def run(
         "remarks": list(dict.fromkeys((scene.noise.remark, *remarks(*ensembles[OURS]), *replacements))),
     }
     draw(out / "restitution.png", values)
-    files.write_json(out / "restitution.json", values)
+    storage.write_json(out / "restitution.json", values)
     return values
 
 

@@ -26,9 +26,9 @@ import numpy as np
 from command import command
 
 from fpk_rocking import load_scene
-from fpk_rocking.base import files
-from fpk_rocking.base.files import plain
 from fpk_rocking.output.tables import reporting
+from fpk_rocking.results import storage
+from fpk_rocking.results.storage import plain
 from montecarlo import (
     first_passage,
     histories,
@@ -93,7 +93,7 @@ def run(out, scene="main", cycles=20, realizations=20_000, seed=1) -> dict:
         "first_passage": plain(passage._asdict()),
         "impact_speeds": plain(speeds._asdict()),
     }
-    files.write_json(out / "histories.json", values)
+    storage.write_json(out / "histories.json", values)
     return values
 
 

@@ -118,10 +118,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _probability(options):
     """Run the command ``probability`` with its parsed `options`: compute, print and save a `Probability`."""
-    from fpk_rocking.base.files import write_json
     from fpk_rocking.output import tables
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.results.pictures import save
+    from fpk_rocking.results.storage import write_json
     from fpk_rocking.studies.overturning import probability
 
     scene = scene_of(options, options.scene)
@@ -151,9 +151,9 @@ def _mc(options):
 
 def _finish(options, result):
     """Save and print a `SurvivalResult` of one engine, of a density its VTK series too, as the parsed `options` say."""
-    from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import shown_cycles
     from fpk_rocking.output import tables, vtk
+    from fpk_rocking.results.storage import write_json
 
     values = result.summary()
     if options.out:
@@ -169,9 +169,9 @@ def _compare(options):
 
     It solves and simulates a scene, or loads two saved results, and prints and saves the comparison.
     """
-    from fpk_rocking.base.files import write_json
     from fpk_rocking.compare import compare
     from fpk_rocking.output import figures, tables
+    from fpk_rocking.results.storage import write_json
 
     if len(options.inputs) == 2:
         first, second = _loaded(options)
@@ -193,8 +193,8 @@ def _compare(options):
 
 def _fragility(options):
     """Run the command ``fragility`` with its parsed `options`: compute, print and save fragility curves."""
-    from fpk_rocking.base.files import write_json
     from fpk_rocking.output.tables import reporting
+    from fpk_rocking.results.storage import write_json
     from fpk_rocking.studies import IntensityCurve, drawn, fragility
     from fpk_rocking.studies.motions import motion_lines, motion_table
     from fpk_rocking.studies.picture import curve_table, fragility_table

@@ -13,11 +13,11 @@ import numpy as np
 
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
-from fpk_rocking.base.files import plain
 from fpk_rocking.results import sampling
 from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.storage import plain
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
 

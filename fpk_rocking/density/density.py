@@ -1,4 +1,4 @@
-"""A density of angle and velocity at one instant, as a function."""
+"""Functions on the phase plane, on a mesh: a density at one instant, and a probability or time by the start."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,7 +12,54 @@ from fpk_rocking.density.space import Space
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Density:
+class PlaneFunction:
+    """A function of angle and velocity that is a polynomial on each cell of a mesh of the phase plane.
+
+    Parameters
+    ----------
+    space : Space
+        Mesh and polynomial degree.
+    coefficients : ndarray, shape ``space.shape``
+        Coefficients of the polynomials.
+    """
+
+    space: Space
+    coefficients: np.ndarray
+
+    @property
+    def mesh_lines(self) -> tuple[Array, Array]:
+        """Mesh lines (angle, velocity), arrays (angle cells + 1,) and (velocity cells + 1,), nondimensional."""
+        return self.space.lines
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree in each direction, an int."""
+        return self.space.degree
+
+    def cell_values(self, points: int) -> Array:
+        """Values on a lattice of points in every cell; on an edge of the cell, the limit from inside.
+
+        Parameters
+        ----------
+        points : int
+            Number of equally spaced points along each axis, both edges included.
+
+        Returns
+        -------
+        ndarray, shape (angle cells, velocity cells, points, points)
+            The last two axes are angle and velocity within a cell.
+        """
+        lattice = np.linspace(0.0, 1.0, points)
+        return self.space.cell_values(self.coefficients, lattice, lattice)
+
+    @property
+    def _cells_text(self) -> str:
+        """Numbers of cells along angle and velocity, as "44 x 52 cells"."""
+        return " x ".join(str(line.size - 1) for line in self.mesh_lines) + " cells"
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Density(PlaneFunction):
     """Joint density of angle and velocity of the blocks that stand; its integral is the survival probability.
 
     It is a piecewise polynomial on a mesh of the phase plane. Calling it evaluates it: ``density(angle, velocity)``.
@@ -34,13 +81,9 @@ class Density:
     0.32
     """
 
-    space: Space
-    coefficients: np.ndarray
-
     def __repr__(self) -> str:
-        cells = " x ".join(str(line.size - 1) for line in self.mesh_lines)
         mass = float(self.space.masses(self.coefficients).sum())
-        return f"<Density: probability {mass:.4f} on {cells} cells of degree {self.degree}>"
+        return f"<Density: probability {mass:.4f} on {self._cells_text} of degree {self.degree}>"
 
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
         """Evaluate the density at points.
@@ -58,32 +101,6 @@ class Density:
         """
         unknown = np.isnan(angle) | np.isnan(velocity)
         return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
-
-    @property
-    def mesh_lines(self) -> tuple[Array, Array]:
-        """Mesh lines (angle, velocity), arrays (angle cells + 1,) and (velocity cells + 1,), nondimensional."""
-        return self.space.angle_lines, self.space.velocity_lines
-
-    @property
-    def degree(self) -> int:
-        """Polynomial degree in each direction, an int."""
-        return self.space.degree
-
-    def cell_values(self, points: int) -> Array:
-        """Density on a lattice of points in every cell; on an edge of the cell, its limit from inside.
-
-        Parameters
-        ----------
-        points : int
-            Number of equally spaced points along each axis, both edges included.
-
-        Returns
-        -------
-        ndarray, shape (angle cells, velocity cells, points, points)
-            The last two axes are angle and velocity within a cell.
-        """
-        lattice = np.linspace(0.0, 1.0, points)
-        return self.space.cell_values(self.coefficients, lattice, lattice)
 
     def bin_probabilities(self, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Integrate the density exactly over each of some bins.
@@ -213,3 +230,76 @@ class Density:
         mixed = self.moment(1, 1)
         second = np.array([[self.moment(2, 0), mixed], [mixed, self.moment(0, 2)]]) / self.moment(0, 0)
         return second - np.outer(self.mean, self.mean)
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class PlaneMap(PlaneFunction):
+    """A probability, or a mean time, as a function of the state from which a block starts.
+
+    Calling it evaluates it: ``survival_map(angle, velocity)``.
+
+    Parameters
+    ----------
+    space : Space
+        Mesh and polynomial degree.
+    coefficients : ndarray, shape ``space.shape``
+        Coefficients of the polynomials.
+    phase : float
+        Forcing phase Ψ at the start, radians.
+    error_estimate : float
+        Relative difference (L1) from the next coarser mesh.
+    starts : tuple of (float, float, float)
+        Angle, velocity and value of single starts that were solved forward in time, such as rest. There they replace
+        the function on the mesh, which does not resolve how noise sets off a block at rest.
+
+    Examples
+    --------
+    >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
+    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
+    >>> survival = operator.survival_map(2)
+    >>> print(survival(0.0, [-1.0, 0.0, 1.0]).round(2))
+    [0.47 0.84 0.  ]
+    """
+
+    phase: float
+    error_estimate: float
+    starts: tuple[tuple[float, float, float], ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"<PlaneMap: integral {self.integral:.4g} on {self._cells_text}, estimated error {self.error_estimate:.1g}>"
+        )
+
+    def plot(self) -> Any:
+        """Draw the values over the phase plane; returns a matplotlib Figure."""
+        from fpk_rocking.results.pictures import figure_of, function_panel
+
+        def values(figure, axes):
+            """Draw the values over the phase plane on matplotlib's `axes`, with a colour bar in `figure`."""
+            function_panel(figure, axes, self, self.mesh_lines, f"value of the start, Ψ = {self.phase:.4g}", 1.0)
+
+        return figure_of(values)
+
+    def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
+        """Evaluate the function at points.
+
+        Parameters
+        ----------
+        angle, velocity : array_like
+            Points, broadcast against each other; nondimensional.
+
+        Returns
+        -------
+        ndarray
+            Of the broadcast shape; 0 outside the mesh, where a block has overturned. Where the function is steep it
+            may be slightly below 0 or, a probability, above 1. On a mesh line it is the value on the upper side.
+        """
+        values = self.space.evaluate(self.coefficients, angle, velocity)
+        for x, v, value in self.starts:
+            values = np.where((np.asarray(angle) == x) & (np.asarray(velocity) == v), value, values)
+        return values
+
+    @property
+    def integral(self) -> float:
+        """Integral over the phase plane, nondimensional; for a survival probability this is the safe area."""
+        return float(self.space.masses(self.coefficients).sum())

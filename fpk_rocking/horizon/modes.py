@@ -1,4 +1,4 @@
-"""Leading eigenmodes of a linear map, and high powers of the map by means of them."""
+"""Leading eigenmodes of a linear map, high powers of the map by means of them, and survival after many cycles."""
 
 import math
 from typing import NamedTuple
@@ -161,3 +161,32 @@ class Powers:
         power[0, 0] = np.exp(further * self._leading_log())
         power[1:, 1:] = np.linalg.matrix_power(modes.block[1:, 1:], further)
         return modes.basis @ (power @ self._amplitudes)
+
+
+class SurvivalEstimate(NamedTuple):
+    """Survival from the scene's start after given numbers of cycles, with error estimates.
+
+    Parameters
+    ----------
+    cycles : ndarray of int, shape (n,)
+        The numbers of cycles.
+    survival : ndarray, shape (n,)
+        Probability of not having overturned.
+    left_out : ndarray, shape (n,)
+        Estimated error from representing the density by its leading modes, where that is done.
+    error_estimate : ndarray, shape (n,)
+        Estimated error of survival: from the next coarser mesh and from the error of the escape rate, plus `left_out`.
+
+    Examples
+    --------
+    >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
+    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
+    >>> estimate = operator.estimate_survival([2, 4])
+    >>> print(estimate.survival.round(2), estimate.error_estimate < 1e-2)
+    [0.84 0.5 ] [ True  True]
+    """
+
+    cycles: np.ndarray
+    survival: np.ndarray
+    left_out: np.ndarray
+    error_estimate: np.ndarray

@@ -9,12 +9,12 @@ from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.density.density import Density
+from fpk_rocking.density.density import Density, PlaneMap
 from fpk_rocking.density.notices import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space import Space
 from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator
-from fpk_rocking.horizon.plane import PlaneMap, SurvivalEstimate
+from fpk_rocking.horizon.modes import SurvivalEstimate
 from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion

@@ -12,8 +12,8 @@ import pathlib
 
 import numpy as np
 
-from fpk_rocking.base.files import write_text
 from fpk_rocking.results.pictures import OVERTURNED, SURFACE, edges_of, picture_html, plane_units
+from fpk_rocking.results.storage import write_text
 
 __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 

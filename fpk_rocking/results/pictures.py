@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.checks import Array, ArrayLike, File
-from fpk_rocking.base.files import replaced_atomically
+from fpk_rocking.results.storage import replaced_atomically
 from fpk_rocking.scene.scene import Scene
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")

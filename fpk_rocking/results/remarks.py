@@ -13,18 +13,6 @@ from fpk_rocking.scene.limits import implausible
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 
-__all__ = [
-    "baseline_remark",
-    "cautions",
-    "describe_replacement",
-    "drifting",
-    "noise_text",
-    "remarks",
-    "scene_diagnostics",
-    "scene_remarks",
-    "scene_text",
-]
-
 RARE = 0.05
 """Probability of overturning below which the number of harmonics of band noise may change it by a factor."""
 

@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.checks import Array, File
-from fpk_rocking.base.files import plain, write_csv
 from fpk_rocking.results.remarks import scene_diagnostics, scene_remarks
+from fpk_rocking.results.storage import plain, write_csv
 from fpk_rocking.results.trust import DIAGNOSTICS, Diagnostic, Trust, assess, verdict
-
-__all__ = ["Dataset", "Result"]
 
 
 class Dataset(NamedTuple):

@@ -1,10 +1,14 @@
-"""What paths tell: sampling intervals and distances of probabilities, and a density's error by replaced noise.
+"""What paths tell: sampling intervals and distances of probabilities, a density's error by replaced noise, and returns.
 
 Bins hold sub-probabilities: their sum is the survival, not one. A sample size is the number of realizations behind the
 bins, ``math.inf`` for bins that come from a density and carry no sampling error.
 
 `measured` compares a density with paths under the noise of the scene. This is the one place that defines the measured
 replacement and the total error of a printed probability.
+
+`return_diagnostics` is for blocks that count as overturned and yet come back. The default angle of overturning, π/2
+critical angles, is passed before a block falls, and strong shaking can bring it back from there. Monte Carlo follows
+some of the paths that pass it on to the fall, which is 90 degrees, where the block lies flat.
 """
 
 import dataclasses
@@ -17,9 +21,11 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.base.files import plain
 from fpk_rocking.physics.noise import equivalence
-from fpk_rocking.results.trust import REPLACED
+from fpk_rocking.results.storage import plain
+from fpk_rocking.results.trust import CAUTION, REPLACED, Diagnostic
+from fpk_rocking.scene.parts import Overturning
+from fpk_rocking.scene.scene import Scene
 
 
 def wilson_interval(successes: ArrayLike, trials: int | Array, level: float = 0.95) -> Array:
@@ -303,3 +309,50 @@ def check_remarks(density: Any) -> Iterator[str]:
 def _probabilities(result):
     """Return an array (rows, 3) of a `SurvivalResult`: columns survival, overturned to the left and to the right."""
     return np.column_stack([result.survival, result.overturned])
+
+
+def angle_of_fall(scene: Scene) -> float | None:
+    """Return the angle at which the block of a scene lies flat, 90 degrees, nondimensional (in critical angles).
+
+    None where the critical angle is unknown, or where overturning is at another angle than the default, or not before
+    the fall.
+    """
+    alpha, cutoff = scene.block.critical_angle, scene.overturning.angle
+    before = cutoff == Overturning().angle and 0.0 < alpha * cutoff < 0.5 * math.pi
+    return 0.5 * math.pi / alpha if before else None
+
+
+def return_diagnostics(scene: Scene, overturned: float, error: float, returns: Array) -> list[Diagnostic]:
+    """Return a list with a `Diagnostic` if blocks that come back change a probability by more than its error.
+
+    Parameters
+    ----------
+    scene : Scene
+    overturned, error : float
+        Probability of having overturned by the last time, and its error.
+    returns : ndarray of int, shape (2,)
+        How many paths that overturned were followed on to the fall, and how many of them came back.
+
+    Returns
+    -------
+    list of Diagnostic
+        Empty where the lower limit (95 %) of what comes back is within the error.
+    """
+    followed, back = (int(count) for count in returns)
+    if followed == 0:
+        return []
+    low, high = wilson_interval(back, followed).tolist()
+    if overturned * low <= error:
+        return []
+    degrees = math.degrees(scene.block.critical_angle * scene.overturning.angle)
+    limits = (
+        "" if scene.deterministic else f" (95 %: {overturned * (1.0 - high):.2f} to {overturned * (1.0 - low):.2f})"
+    )
+    paths = "the path" if followed == 1 else f"{followed} such paths"
+    sentence = (
+        f"A block counts as overturned here from {degrees:.0f}° on (π/2 critical angles, the default), but the shaking "
+        f"brings blocks back from there: of {paths} followed on, {back} did not fall. P(overturned) would be about "
+        f"{overturned * (1.0 - back / followed):.2f}{limits} in place of {overturned:.2f} if the fall itself counted: "
+        'overturning_angle = "90 deg" (in a scene file overturning.angle_deg = 90).'
+    )
+    return [Diagnostic(CAUTION, sentence, "returns")]

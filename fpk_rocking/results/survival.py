@@ -10,8 +10,6 @@ from fpk_rocking.results.grids import ascending_edges, joint_edges
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Dataset, Result
 
-__all__ = ["RowResult", "SurvivalResult"]
-
 LEAST_OVERTURNING = 1e-6
 """Probability of overturning below which the error of a density is held against this one."""
 

@@ -12,8 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["CAUTION", "DIAGNOSTICS", "UNUSABLE", "Diagnostic", "Trust", "assess", "verdict"]
-
 CAUTION, UNUSABLE = 1, 2
 """Severity of a diagnostic that speaks against a result."""
 

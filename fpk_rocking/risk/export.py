@@ -11,7 +11,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
-from fpk_rocking.base.files import write_text
+from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import Trust
 from fpk_rocking.studies.pooled import IntensityCurve
 

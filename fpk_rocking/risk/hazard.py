@@ -1,13 +1,20 @@
-"""Seismic hazard: how often a year an intensity is exceeded."""
+"""Seismic hazard: how often a year an intensity is exceeded, and integrals of a fragility over it.
+
+The integrals are annual rates, their limits, and what parts of them come from where.
+"""
 
 import dataclasses
+import itertools
+import math
 import re
+from collections.abc import Callable, Sequence
 from typing import Self
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Number
+from fpk_rocking.studies.pooled import IntensityCurve
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -140,3 +147,114 @@ class Hazard:
         y = np.log(intensity)
         place = np.clip(np.searchsorted(logs, y) - 1, 0, slopes.size - 1)
         return np.exp(np.log(self.rate)[place] - slopes[place] * (y - logs[place]))
+
+
+TAIL = 12.0
+"""Dispersions, and units of 1/k, over which the frequency is integrated to either side: beyond lies less than 1e-30."""
+
+
+def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
+    """Return edges (n + 1,) in ln(intensity) of Gauss-Legendre rules.
+
+    Points of the `hazard`, a `Hazard`, are among them, and those of a `curve`, an `IntensityCurve`, without a fit.
+    """
+    places = curve.outcomes[0]
+    steep, gentle = hazard.exponents.max(), hazard.exponents.min()
+    points = np.log(hazard.intensity)
+    spread = curve.tail
+    # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
+    low = math.log(curve.fit.median if curve.fitted else places[0]) - steep * spread**2 - TAIL * spread
+    high = TAIL * math.log(10.0) / gentle
+    if curve.fitted:
+        high += math.log(curve.fit.median) + TAIL * spread
+    else:
+        high += math.log(places[-1])
+    if curve.refined or not curve.fitted:
+        points = np.concatenate([points, np.log(places)])
+    width = min(0.25 * spread, 1.0 / steep)
+    points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
+    parts = [
+        np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
+    ]
+    return np.append(np.concatenate(parts), high)
+
+
+def gauss_nodes(edges: Array) -> tuple[Array, Array]:
+    """Return (nodes, weights), (12 n,) each, of Gauss-Legendre rules of 12 points between `edges` (n + 1,)."""
+    nodes, weights = np.polynomial.legendre.leggauss(12)
+    half = 0.5 * np.diff(edges)[:, None]
+    return (edges[:-1, None] + half * (1.0 + nodes)).ravel(), (half * weights).ravel()
+
+
+def rate_density(probability: Callable[[Array], Array], hazard: Hazard, y: Array) -> Array:
+    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability.
+
+    `probability`: a function of the intensities; `hazard`: the `Hazard` H, of exponent k between two of its points.
+    """
+    place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
+    return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
+
+
+def rate_limits(curve: IntensityCurve, hazard: Hazard, edges: Array) -> tuple[float, float]:
+    """Return 95 % limits (low, high) of the rate, 1/year, of the curve's, or nan; `edges`: of `edges_of_rules`."""
+    if curve.fitted and len(curve.replicates):
+        low, high = np.quantile(lognormal_rates(curve.replicates, hazard, edges[0], edges[-1]), [0.025, 0.975]).tolist()
+        return low, high
+    if curve.fitted:
+        return math.nan, math.nan
+    y, weights = gauss_nodes(edges)
+    density = weights * rate_density(np.ones_like, hazard, y)
+    low, high = (float(density @ side) for side in curve.limits(np.exp(y)))
+    return low, high
+
+
+def lognormal_rates(replicates: Array, hazard: Hazard, first: float, last: float) -> Array:
+    """Return annual rates (b,) by lognormal curves, (median, dispersion) (b, 2), over ln(im) from `first` to `last`.
+
+    By parts ∫ N |dH| = -[H N] + ∫ H dN, and the power law H of exponent k moves the normal density by -k β².
+    """
+    from scipy import special
+
+    # Few motions agree with medians of 0 and inf.
+    with np.errstate(divide="ignore"):
+        middle = np.clip(np.log(replicates[:, :1]), -1e4, 1e4)
+    spread, logs = replicates[:, 1:], np.log(hazard.intensity)
+    ends = np.concatenate([[first], logs[(logs > first) & (logs < last)], [last]])
+    place = np.clip(np.searchsorted(logs, 0.5 * (ends[1:] + ends[:-1])) - 1, 0, logs.size - 2)
+    k, away = hazard.exponents[place], (ends - middle) / spread
+    low, high = away[:, :-1] + k * spread, away[:, 1:] + k * spread
+    # Tails are subtracted on the side where the normal distribution has its digits.
+    turned = low > 0.0
+    low, high = np.where(turned, -high, low), np.where(turned, -low, high)
+    factor = np.log(hazard.rate)[place] + k * (logs[place] - middle) + 0.5 * (k * spread) ** 2
+    parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
+    left, right = (hazard(np.exp(ends[[0, -1]])) * special.ndtr(away[:, [0, -1]])).T
+    return parts.sum(axis=1) + left - right
+
+
+def contributions_by_bin(
+    probability: Callable[[Array], Array], hazard: Hazard, y: Array, share: Array
+) -> tuple[Array, Array]:
+    """Return (edges, shares): edges (25,) of bins of intensity with all but a thousandth of the rate; its shares (24,).
+
+    `probability`: a function of intensities; `share` (n,): parts of the rate at the nodes y = ln(intensity), (n,). Of a
+    rate of 0 it is one bin, of 0.
+    """
+    total = share.sum()
+    if not total > 0.0:
+        return np.exp(y[[0, -1]]), np.zeros(1)
+    part = np.cumsum(share) / total
+    low, high = y[np.searchsorted(part, [5e-4, 1.0 - 5e-4])].tolist()
+    edges = np.linspace(low, high, 25)
+    nodes, weights = gauss_nodes(edges)
+    return np.exp(edges), (weights * rate_density(probability, hazard, nodes)).reshape(24, -1).sum(axis=1) / total
+
+
+def share_beyond(y: Array, share: Array, points: Sequence[float] | Array) -> float:
+    """Return the part (float) of the rate from outside the intensities from `points[0]` to `points[-1]`.
+
+    `share` (n,): contributions to the rate at the nodes y = ln(intensity), (n,).
+    """
+    outside = (y < math.log(points[0])) | (y > math.log(points[-1]))
+    total = share.sum()
+    return float(share[outside].sum() / total) if total > 0.0 else 0.0

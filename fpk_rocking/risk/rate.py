@@ -11,9 +11,9 @@ from fpk_rocking.base import checks
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.risk.hazard import Hazard
-from fpk_rocking.risk.integrals import (
+from fpk_rocking.risk.hazard import (
     TAIL,
+    Hazard,
     contributions_by_bin,
     edges_of_rules,
     gauss_nodes,

@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base.checks import Array, File
-from fpk_rocking.base.files import plain, write_json, write_text
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.export import NAMES, not_for_pelicun, to_nrml, to_pelicun
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities, critical_text, factor_diagnostics
 from fpk_rocking.studies.drawing import Draws
-from fpk_rocking.studies.jumps import FARTHEST, overturns
 from fpk_rocking.studies.lognormal import ranked
 from fpk_rocking.studies.motions import intensity_of, motion_lines, motion_table
+from fpk_rocking.studies.outcomes import FARTHEST, overturns
 from fpk_rocking.studies.pooled import IntensityCurve
 from fpk_rocking.studies.result import Fragility
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import Record
+from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.physics.noise.filters import Filter
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.units import STANDARD_GRAVITY

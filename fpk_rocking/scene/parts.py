@@ -11,7 +11,9 @@ import math
 from typing import Any
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing import Harmonic, Pulse, Record
+from fpk_rocking.physics.forcing.periodic import Harmonic
+from fpk_rocking.physics.forcing.pulse import Pulse
+from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.scene.units import STANDARD_GRAVITY, BlockSize, Dimensions, in_units
 
@@ -367,11 +369,8 @@ def size_of_block(width: Any, height: Any, gravity: Any, body: Any) -> Dimension
     """
     if body is None:
         return Dimensions(width, height, gravity)
-    for name, value, default in (
-        ("width", width, None),
-        ("height", height, None),
-        ("gravity", gravity, STANDARD_GRAVITY),
-    ):
+    usual = ("width", width, None), ("height", height, None), ("gravity", gravity, STANDARD_GRAVITY)
+    for name, value, default in usual:
         if value != default:
             raise ValueError(checks.refusal(name, value, "nothing where there is a body"))
     return checks.instance("body", body, Body)

@@ -11,8 +11,8 @@ import scipy
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 from fpk_rocking.studies.drawing import distribution_of
+from fpk_rocking.studies.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 from fpk_rocking.studies.posterior import Calibration, drawn_names, values_at
 
 PRIOR = {

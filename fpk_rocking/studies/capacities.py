@@ -20,8 +20,8 @@ import numpy as np
 import scipy
 
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.studies.jumps import equivalent_scale
 from fpk_rocking.studies.lognormal import fit_rows
+from fpk_rocking.studies.outcomes import equivalent_scale
 
 _SWEEPS = 25
 """Sweeps of the data augmentation; twice as many move limits by less than what 999 draws scatter."""

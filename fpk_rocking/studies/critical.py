@@ -21,7 +21,8 @@ from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
-from fpk_rocking.studies.jumps import (
+from fpk_rocking.studies.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
+from fpk_rocking.studies.outcomes import (
     FARTHEST,
     MotionOutcomes,
     equivalent_scale,
@@ -31,7 +32,6 @@ from fpk_rocking.studies.jumps import (
     overturns,
     search,
 )
-from fpk_rocking.studies.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
 from fpk_rocking.studies.scenes import checked_scenes
 
 

@@ -13,8 +13,8 @@ from fpk_rocking.base.checks import ArrayLike, File, Progress
 from fpk_rocking.results.grids import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
-from fpk_rocking.studies.jumps import FARTHEST, MotionOutcomes, overturns, search
-from fpk_rocking.studies.jumps import kernels_of as kernels_of_paths
+from fpk_rocking.studies.outcomes import FARTHEST, MotionOutcomes, overturns, search
+from fpk_rocking.studies.outcomes import kernels_of as kernels_of_paths
 from fpk_rocking.studies.result import Fragility
 from fpk_rocking.studies.scenes import checked_scenes, grid, scaled
 from fpk_rocking.studies.tasks import TASKS, kernels_of

@@ -13,8 +13,15 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.probability import Probability
-from fpk_rocking.studies.stopping import QUANTILE, SideCounts, SlowerError, WantedError, joined, stop_if_slow
+from fpk_rocking.studies.probability import (
+    QUANTILE,
+    Probability,
+    SideCounts,
+    SlowerError,
+    WantedError,
+    joined,
+    stop_if_slow,
+)
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.splitting import split
 

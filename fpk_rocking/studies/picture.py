@@ -14,8 +14,6 @@ from fpk_rocking.results.grids import SETTLING
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.studies.motions import motion_lines
 
-__all__ = ["curves_figure", "draw_map", "draw_surface", "logarithmic", "message", "small_figure", "surface_figure"]
-
 NAMES = {
     "size": "half diagonal R, m",
     "slenderness": "height over width",

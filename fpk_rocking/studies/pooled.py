@@ -16,12 +16,18 @@ from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.capacities import Capacities
-from fpk_rocking.studies.diagnostics import model_diagnostics
 from fpk_rocking.studies.drawing import Draws
-from fpk_rocking.studies.jumps import farthest_scale, first_scale, last_scale
 from fpk_rocking.studies.lognormal import LognormalFit, fit_rows
 from fpk_rocking.studies.motions import intensity_of, measure_of
-from fpk_rocking.studies.suites import binomial_limits, name_sources, outcome_steps, suite_fields, with_intervals
+from fpk_rocking.studies.outcomes import farthest_scale, first_scale, last_scale
+from fpk_rocking.studies.suites import (
+    binomial_limits,
+    model_diagnostics,
+    name_sources,
+    outcome_steps,
+    suite_fields,
+    with_intervals,
+)
 
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""

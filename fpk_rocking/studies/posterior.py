@@ -28,8 +28,8 @@ from fpk_rocking.results.pictures import COLOURS, figure_of, reliability_panel
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.studies.block_outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 from fpk_rocking.studies.drawing import concentrated, distribution_of
+from fpk_rocking.studies.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 
 LEVELS, FINER = 8, 2
 """Values of the frequency parameter, and nodes of the median critical angle from one of a block to the next."""

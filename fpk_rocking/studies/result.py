@@ -8,19 +8,18 @@ from typing import Annotated, Any, ClassVar, Self
 import numpy as np
 
 from fpk_rocking.base.checks import Array, not_none
-from fpk_rocking.base.files import plain
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.storage import Saved, plain
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities
-from fpk_rocking.studies.diagnostics import curve_diagnostics
-from fpk_rocking.studies.jumps import MotionOutcomes, overturns
 from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal, limits_text, outcomes_text
 from fpk_rocking.studies.motions import Intensities, measure_of, measured, motion_names, motion_table
+from fpk_rocking.studies.outcomes import MotionOutcomes, overturns
 from fpk_rocking.studies.pooled import IntensityCurve
+from fpk_rocking.studies.suites import curve_diagnostics
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -11,8 +11,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Progress
-from fpk_rocking.base.files import write_csv
 from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.storage import write_csv
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of

@@ -15,7 +15,7 @@ from fpk_rocking.base.jit import map_threads, thread_count
 from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.grids import result_times
-from fpk_rocking.results.returns import angle_of_fall
+from fpk_rocking.results.sampling import angle_of_fall
 from fpk_rocking.scene import limits
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import engine_of, task_of

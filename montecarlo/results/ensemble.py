@@ -12,8 +12,7 @@ import numpy as np
 from fpk_rocking.base.checks import Array
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
 from fpk_rocking.results.result import Dataset
-from fpk_rocking.results.returns import return_diagnostics
-from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.results.sampling import return_diagnostics, wilson_interval
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic

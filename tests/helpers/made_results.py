@@ -14,8 +14,8 @@ from made_parts import CYCLES, MAIN, PATHS, PULSE, SPACE, UNEVEN, WHITE, WHOLE, 
 
 from fpk_rocking import CycleOperator
 from fpk_rocking.compare import compare
+from fpk_rocking.density.density import PlaneMap
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.horizon.plane import PlaneMap
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.pictures import shown_edges

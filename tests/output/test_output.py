@@ -15,10 +15,9 @@ import PIL.Image
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, Pulse, Scene
-from fpk_rocking.base import files
 from fpk_rocking.compare import compare
 from fpk_rocking.output import figures, report, tables
-from fpk_rocking.results import pictures
+from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.pictures import edges_of
 
@@ -162,7 +161,7 @@ def test_result_table_and_summary(capsys, result):
 
 def test_summary_refuses_nan(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
-        files.write_json(tmp_path / "summary.json", {"survival": math.nan})
+        storage.write_json(tmp_path / "summary.json", {"survival": math.nan})
     assert list(tmp_path.iterdir()) == []
 
 

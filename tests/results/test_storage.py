@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, Dimensions, Harmonic, NoNoise, Scene
-from fpk_rocking.base import files
 from fpk_rocking.base.checks import Array
 from fpk_rocking.results import storage
 from fpk_rocking.results.storage import Saved
@@ -212,7 +211,7 @@ def test_what_json_does_not_hold_is_refused_and_leaves_no_file(tmp_path):
 
 
 def write_half(path, interruption):
-    with files.replaced_atomically(path) as temporary:
+    with storage.replaced_atomically(path) as temporary:
         temporary.write_text("half of the n")
         raise interruption
 
@@ -220,7 +219,7 @@ def write_half(path, interruption):
 @pytest.mark.parametrize("interruption", [KeyboardInterrupt, OSError, SystemExit])
 def test_interrupted_writing_leaves_the_old_file_and_nothing_else(tmp_path, interruption):
     path = tmp_path / "table.txt"
-    files.write_text(path, "old σ\n")
+    storage.write_text(path, "old σ\n")
     with pytest.raises(interruption):
         write_half(path, interruption)
     assert path.read_text(encoding="utf-8") == "old σ\n"
@@ -242,13 +241,13 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
 
     monkeypatch.setattr(os, "fsync", forced)
     monkeypatch.setattr(pathlib.Path, "replace", renamed)
-    files.write_text(path, "whole\n")
+    storage.write_text(path, "whole\n")
     assert events == [(path.stat().st_ino, len("whole\n"), False), "renamed"]
 
 
 def test_temporary_file_stands_beside_its_target_with_the_same_suffix(tmp_path):
     path = tmp_path / "new" / "deeper" / "picture.png"
-    with files.replaced_atomically(str(path)) as temporary:
+    with storage.replaced_atomically(str(path)) as temporary:
         assert temporary.parent == path.parent
         assert temporary.suffix == ".png"
         assert not path.exists()

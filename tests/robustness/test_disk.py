@@ -14,8 +14,8 @@ import study_tasks
 from test_fuzz_files import ASKED, content, evolution
 
 from fpk_rocking import cli
-from fpk_rocking.base import files
 from fpk_rocking.output import figures, vtk
+from fpk_rocking.results import storage
 from fpk_rocking.studies import sweep
 from montecarlo import Ensemble, simulate
 
@@ -43,8 +43,8 @@ def every_writer():
     fake = fakes.FakeEvolution(WHITE, cycles=2)
     functions = (
         evolution().save,
-        lambda path: files.write_text(path, "σ" * 4000),
-        lambda path: files.write_json(path, {"survival": [0.5] * 1000}),
+        lambda path: storage.write_text(path, "σ" * 4000),
+        lambda path: storage.write_json(path, {"survival": [0.5] * 1000}),
         lambda path: figures.survival_figure(path.with_suffix(".png"), [fake], "Survival"),
         lambda path: vtk.write_series(path.parent, "jpdf", fake, [1, 2]),
     )

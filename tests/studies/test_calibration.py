@@ -9,9 +9,9 @@ import scipy
 
 from fpk_rocking import Record
 from fpk_rocking.studies import Calibration, calibrated, synthetic_records
-from fpk_rocking.studies.block_outcomes import block_scene, block_scenes, outcomes_of
 from fpk_rocking.studies.calibration import NODES, PRIOR
 from fpk_rocking.studies.drawing import concentrated
+from fpk_rocking.studies.outcomes import block_scene, block_scenes, outcomes_of
 from fpk_rocking.studies.posterior import FINER
 from montecarlo import simulate
 

@@ -17,8 +17,8 @@ from fpk_rocking.studies import (
     synthetic_records,
 )
 from fpk_rocking.studies.critical import factor_diagnostics
-from fpk_rocking.studies.jumps import first_scale, overturns
 from fpk_rocking.studies.motions import motion_names
+from fpk_rocking.studies.outcomes import first_scale, overturns
 from montecarlo import simulate
 
 BLOCK = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")

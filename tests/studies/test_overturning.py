@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from fpk_rocking import NoNoise, Start, load_scene, probability, solve_fpk
-from fpk_rocking.studies import overturning, stopping
+from fpk_rocking.studies import overturning
 from fpk_rocking.studies.overturning import Probability
+from fpk_rocking.studies.probability import joined
 from montecarlo import simulate, split
 from montecarlo.engines.batches import Batch
 
@@ -197,7 +198,7 @@ def test_splitting_that_takes_too_long_is_refused_after_its_first_walkers(monkey
 
 def test_repeats_of_splitting_are_averaged_by_their_walkers():
     first, second = (split(RARE, cycles=2, walkers=n, repeats=3, seed=n) for n in (20, 60))
-    both = stopping.joined(stopping.joined(None, first), second)
+    both = joined(joined(None, first), second)
     assert both.walkers == 80
     expected = 0.25 * first.repeat_overturned + 0.75 * second.repeat_overturned
     np.testing.assert_allclose(both.repeat_overturned, expected, rtol=1e-14)

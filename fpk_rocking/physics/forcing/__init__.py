@@ -11,10 +11,10 @@ All quantities are nondimensional. This package makes values; it is not compiled
 """
 
 from fpk_rocking.physics.forcing.base import Force, Forcing, refuse_transient
-from fpk_rocking.physics.forcing.baseline import Drift
 from fpk_rocking.physics.forcing.periodic import Harmonic, Harmonics, PeriodicForcing, periodic
 from fpk_rocking.physics.forcing.pulse import Chirp, Pulse
 from fpk_rocking.physics.forcing.record import Record
+from fpk_rocking.physics.forcing.samples import Drift
 from fpk_rocking.physics.forcing.transient import TransientForcing
 
 __all__ = [

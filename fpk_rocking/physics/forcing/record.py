@@ -11,9 +11,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
-from fpk_rocking.physics.forcing.baseline import BASELINES, CORNER_HZ, Drift, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.files import UNITS, read, unit_of
-from fpk_rocking.physics.forcing.samples import Samples
+from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Samples, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 

@@ -11,7 +11,7 @@ from scipy import signal
 
 from fpk_rocking import Block, Dimensions, NoNoise, Record, Scene
 from fpk_rocking.cli import main
-from fpk_rocking.physics.forcing.baseline import corrected, drift_of
+from fpk_rocking.physics.forcing.samples import corrected, drift_of
 from fpk_rocking.results.remarks import baseline_remark, scene_diagnostics
 from fpk_rocking.risk import Hazard, at_intensity, study
 from fpk_rocking.scene.limits import implausible
