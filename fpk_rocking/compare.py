@@ -14,12 +14,12 @@ import numpy as np
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
 from fpk_rocking.results import sampling
-from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
+from fpk_rocking.scene.ranges import joint_edges
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 

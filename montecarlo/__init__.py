@@ -9,8 +9,7 @@ of realizations with their sampling errors.
 
 from montecarlo.forces import ContactForces, contact_forces
 from montecarlo.poincare import correlation_dimension, mean_poincare_map, restarted_poincare_map
-from montecarlo.results.ensemble import Ensemble
-from montecarlo.results.histories import Histories
+from montecarlo.results.ensemble import Ensemble, Histories
 from montecarlo.results.statistics import bin_errors, first_passage, impact_speeds, overturning_rate
 from montecarlo.results.tally import Tally
 from montecarlo.simulation import histories, simulate, tally

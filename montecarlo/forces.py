@@ -25,7 +25,7 @@ from montecarlo.engines.filtered_noise import (
     draw_parts,
 )
 from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
-from montecarlo.results.histories import Histories
+from montecarlo.results.ensemble import Histories
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

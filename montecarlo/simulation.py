@@ -9,12 +9,11 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, File, Progress
-from fpk_rocking.results.grids import ascending_edges, joint_edges
+from fpk_rocking.scene.ranges import ascending_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.batches import checked_run, refuse_large, simulate_batches
 from montecarlo.results.counts import LARGEST, add, empty_counts
-from montecarlo.results.ensemble import Ensemble
-from montecarlo.results.histories import Histories
+from montecarlo.results.ensemble import Ensemble, Histories
 from montecarlo.results.tally import Checkpoint, Tally, resumed
 from montecarlo.tuning import TUNING
 

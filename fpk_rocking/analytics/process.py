@@ -19,7 +19,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
-from fpk_rocking.physics.motion import separatrix
+from fpk_rocking.physics.motion.block import kernel_halves, separatrix_orbit, separatrix_speed
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import noise_variance
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
@@ -53,7 +53,7 @@ def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[N
     >>> print(angle.round(3), velocity.round(3))
     [0.    0.632] [0.997 0.368]
     """
-    return separatrix.orbit(numbers("times", times), critical_angle)
+    return separatrix_orbit(numbers("times", times), critical_angle)
 
 
 def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
@@ -83,7 +83,7 @@ def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
     >>> print(melnikov.transfer([0.0, 2.7]).round(3), melnikov.transfer([0.0, 2.7], critical_angle=0.271).round(3))
     [2.    0.241] [1.976 0.227]
     """
-    return 2.0 * separatrix.halves(numbers("frequency", frequency), critical_angle)[0]
+    return 2.0 * kernel_halves(numbers("frequency", frequency), critical_angle)[0]
 
 
 def harmonic_amplitude(
@@ -157,7 +157,7 @@ def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
     [0.375 0.095]
     """
     e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
-    return (0.5 * (1.0 - e) * (1.0 + e) * separatrix.speed(critical_angle) ** 2)[()]
+    return (0.5 * (1.0 - e) * (1.0 + e) * separatrix_speed(critical_angle) ** 2)[()]
 
 
 def process_mean(

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+import warnings
 from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
@@ -336,3 +337,31 @@ def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
     if start.covariance is None:
         masses[0] = abs(start.angle) < angle and abs(start.velocity) < velocity
     return masses
+
+
+def refuse_broken(result: Evolution) -> None:
+    """Raise FloatingPointError where an `Evolution` has something that is not a finite number, else return None."""
+    parts = (
+        "survival",
+        "overturned",
+        "truncated",
+        "coefficients",
+        "error_estimate",
+        "bins_error_estimate",
+        "negative_mass",
+    )
+    for name in parts:
+        if not np.all(np.isfinite(getattr(result, name))):
+            raise FloatingPointError(
+                f"{name}: got a number that is not finite, an error of the solver in {result.scene}"
+            )
+
+
+def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
+    """Warn where the estimated error of the probability at rest, of `result`, is larger than `wanted`; with inf never.
+
+    `stacklevel`: calls from here to the user's, for the warning's line. Nothing is returned.
+    """
+    sentence = result.unresolved_beyond(wanted)
+    if sentence:
+        warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)

@@ -7,28 +7,29 @@ import numpy as np
 
 from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.checks import ArrayLike, Progress
-from fpk_rocking.density.evolution import Evolution, near_rest
+from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
 from fpk_rocking.density.filtered import FilteredPropagator
-from fpk_rocking.density.notices import (
+from fpk_rocking.density.propagator import PeriodicPropagator
+from fpk_rocking.density.refinement import (
+    SOLUTIONS,
+    Level,
+    ProgressCount,
     announce,
     announce_finer,
     estimated_seconds,
-    refuse_broken,
+    refine,
     refuse_large,
     refuse_slow,
     refuse_unsolvable,
     warn_beyond,
-    warn_unresolved,
 )
-from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, refine
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, bins_tolerance, explore, in_rest, resolutions_for
 from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
-from fpk_rocking.results.grids import result_times
 from fpk_rocking.results.remarks import describe_replacement
+from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 
 

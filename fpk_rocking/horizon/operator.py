@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.density.density import Density, PlaneMap
-from fpk_rocking.density.notices import refuse_filtered, refuse_unsolvable
+from fpk_rocking.density.refinement import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space import Space
 from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator
@@ -18,11 +18,11 @@ from fpk_rocking.horizon.modes import SurvivalEstimate
 from fpk_rocking.physics.forcing import periodic, refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
-from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.scene.parts import Start
+from fpk_rocking.scene.ranges import joint_edges
 from fpk_rocking.scene.scene import Scene
 
 

@@ -9,7 +9,7 @@ from fpk_rocking.physics.forcing.base import Forcing
 from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, NoNoise, WhiteNoise, enough_harmonics
 from fpk_rocking.results.trust import CAUTION, VERDICTS, Diagnostic
-from fpk_rocking.scene.limits import implausible
+from fpk_rocking.scene.ranges import implausible
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 

@@ -13,12 +13,12 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing
-from fpk_rocking.results.grids import result_times
 from fpk_rocking.results.pictures import COLOURS, figure_of
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagnostics
 from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
 from fpk_rocking.studies.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes

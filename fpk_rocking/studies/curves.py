@@ -10,7 +10,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, File, Progress
-from fpk_rocking.results.grids import result_times
+from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.outcomes import FARTHEST, MotionOutcomes, overturns, search

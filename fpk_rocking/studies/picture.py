@@ -10,8 +10,8 @@ from rich.table import Table
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.output.tables import text_table, verdict_first
 from fpk_rocking.results import pictures
-from fpk_rocking.results.grids import SETTLING
 from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.scene.ranges import SETTLING
 from fpk_rocking.studies.motions import motion_lines
 
 NAMES = {

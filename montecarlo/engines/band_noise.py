@@ -11,12 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS, collocation_tables
+from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.block import force_series, forced_response, particular_at, particular_series
-from fpk_rocking.physics.motion.collocation_tables import NODES, PLACES
 from fpk_rocking.physics.motion.equation import KernelBlock, block_of_scene, force_bounds
 from fpk_rocking.physics.motion.events import can_lift_off, chord_clearance
-from fpk_rocking.physics.motion.slender_interval import Interval, interval_tables
+from fpk_rocking.physics.motion.intervals import NODES, PLACES, FlightTables, Interval, flight_tables, interval_tables
 from fpk_rocking.physics.noise.band import OVERSAMPLING, interpolant_polynomials, window_compensation
 from fpk_rocking.physics.noise.envelope import EnvelopePieces, envelope_pieces, largest_envelope
 from montecarlo.engines.engine import TimeGrid, time_grid
@@ -150,7 +149,7 @@ class Collocation(NamedTuple):
     forcing: np.ndarray
     envelope: np.ndarray
     slack: np.ndarray
-    steps: collocation_tables.FlightTables
+    steps: FlightTables
 
 
 def parameters_of(scene, steps_per_cycle, times=None):  # noqa: ARG001  (this engine takes no steps)
@@ -263,7 +262,7 @@ def _collocation(force, envelope, polynomials, middles, spacing, noise_bounds):
     slope = np.abs(force[:, 1:]) @ (order[1:] * half ** order[:-1]) + noise_bounds[0]
     bend = np.abs(force[:, 2:]) @ (order[2:] * order[1:-1] * half ** order[:-2]) + noise_bounds[1]
     slack = np.maximum(spacing * PLACES[0] * slope, 0.125 * (spacing * np.diff(PLACES).max()) ** 2 * bend)
-    return Collocation(values, force @ powers, strength, slack, collocation_tables.flight_tables(spacing))
+    return Collocation(values, force @ powers, strength, slack, flight_tables(spacing))
 
 
 def _eventless_angles(low, high, spacing, block):

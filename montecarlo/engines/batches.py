@@ -14,9 +14,9 @@ from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.jit import map_threads, thread_count
 from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.physics.motion.events import ImpactRecord
-from fpk_rocking.results.grids import result_times
 from fpk_rocking.results.sampling import angle_of_fall
-from fpk_rocking.scene import limits
+from fpk_rocking.scene import ranges
+from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import engine_of, task_of
 from montecarlo.engines.band_noise import scaled_parameters
@@ -66,7 +66,7 @@ def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, prog
     (rows,), nondimensional, or None where there are `cycles`; `seed` and `steps_per_cycle` are integers.
     """
     checks.instance("scene", scene, Scene)
-    limits.check(scene)
+    ranges.check(scene)
     checks.report(progress)
     return Run(
         scene,

@@ -17,12 +17,11 @@ import math
 from fpk_rocking.base.arrays import borrowed, load, store
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
-from fpk_rocking.physics.motion.collocation_tables import NODES
 from fpk_rocking.physics.motion.equation import dispatch_on_block, particular_from_rest, segment_from_particular
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, homogeneous_flight
 from fpk_rocking.physics.motion.impact import side_of_start
-from fpk_rocking.physics.motion.slender_interval import cross_interval, state_in_interval
+from fpk_rocking.physics.motion.intervals import NODES, cross_interval, state_in_interval
 from fpk_rocking.physics.noise.band import WIDTH, divide_by_stiffness, noise_at_points, noise_slope, write_product
 from montecarlo.engines.band_noise import draw_start_and_noise, parameters_of, workspace_of
 from montecarlo.engines.engine import Engine

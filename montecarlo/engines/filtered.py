@@ -24,9 +24,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.arrays import borrowed, load
 from fpk_rocking.base.basis import bernstein_basis
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import TERMS, collocation, collocation_tables
+from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.block import cosh_sinh, force_series, forced_response, particular_at
-from fpk_rocking.physics.motion.collocation_tables import NODES, PLACES
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     block_of_scene,
@@ -38,6 +37,7 @@ from fpk_rocking.physics.motion.equation import (
 )
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
 from fpk_rocking.physics.motion.flight import homogeneous_flight
+from fpk_rocking.physics.motion.intervals import NODES, PLACES, FlightTables, flight_tables
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.filtered_noise import (
     EnvelopeTables,
@@ -85,7 +85,7 @@ class Parameters(NamedTuple):
     pushes: np.ndarray
     basis: np.ndarray
     strength_at_points: np.ndarray
-    steps: collocation_tables.FlightTables
+    steps: FlightTables
 
 
 class Workspace(NamedTuple):
@@ -144,7 +144,7 @@ def parameters_on_grid(scene, grid):
         force @ (span * PLACES) ** np.arange(TERMS)[:, None],
         bernstein_basis(PLACES, degree),
         np.empty((0, NODES)) if envelope is None else envelope.value(begins[:, None] + span * PLACES),
-        collocation_tables.flight_tables(span),
+        flight_tables(span),
     )
 
 

@@ -1,19 +1,24 @@
-"""Counts and sums over batches of realizations, as integers, so that the order of adding them makes no difference.
+"""Counts of realizations: survival from them, which an ensemble and a tally have in common, and a tally's own sums.
 
-Counts are integers by nature. For the moments each state is rounded to whole multiples of a quantum, and the sums of
+Counts and sums over batches of realizations are integers, so that the order of adding them makes no difference. Counts
+are integers by nature. For the moments each state is rounded to whole multiples of a quantum, and the sums of
 these numbers and of their products are exact. Of a number at most 2^31 in size, up to 2^31 - 1 realizations sum to less
 than 2^62. A product, at most 2^62, is split into p = 2^32 high + low with 0 <= low < 2^32; both halves are summed on
 their own, the low ones to less than 2^63: nothing overflows an int64.
 """
 
 import math
-from typing import Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
 
 from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.results.grids import joint_edges
+from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
+from fpk_rocking.results.sampling import return_diagnostics, wilson_interval
+from fpk_rocking.results.survival import SurvivalResult
+from fpk_rocking.results.trust import Diagnostic
+from fpk_rocking.scene.ranges import joint_edges
 from fpk_rocking.scene.scene import Scene
 
 LARGEST = 2**31 - 1
@@ -76,7 +81,7 @@ def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges:
     """Return the named tuple `Counts`, of zeros, for `times` τ (rows,) and edges of bins (n + 1,), nondimensional.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
-    `fpk_rocking.results.grids.joint_edges`, which holds four standard deviations of the noise.
+    `fpk_rocking.scene.ranges.joint_edges`, which holds four standard deviations of the noise.
     """
     bounds = scene.overturning.angle, 8.0 * joint_edges(scene)[1][-1]
     rows = len(times)
@@ -233,3 +238,137 @@ def moments(counts: Counts) -> tuple[Array, Array]:
         for i, j, product in ((0, 0, xx), (0, 1, xv), (1, 0, xv), (1, 1, vv)):
             covariance[k, i, j] = (n * product - sums[i] * sums[j]) / (n * n) * quantum[i] * quantum[j]
     return mean, covariance
+
+
+class Sample(SurvivalResult):
+    """What an ensemble and a tally have in common: survival from counts, with its sampling error.
+
+    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle` and `wall_s`. It has besides
+
+    * ``realizations``: their number;
+    * ``overturned_counts``: how many have overturned to the left and to the right, (cycles + 1, 2);
+    * ``returns``: how many paths that overturned were followed on to the fall, and how many of them came back, (2,);
+    * ``first_overturning``: earliest and latest time of overturning of the first realization, and the side; None if it
+      stands.
+    """
+
+    if TYPE_CHECKING:
+        method: Any
+        overturned_counts: Any
+        returns: Any
+        first_overturning: Any
+
+    noise_replacement = ""
+    shown_bins = 24
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine and its method, as "Monte Carlo rk4"."""
+        return f"Monte Carlo {self.method}"
+
+    @property
+    def deterministic(self) -> bool:
+        """Whether nothing is random (`Scene.deterministic`): all realizations are one path."""
+        return self.scene.deterministic
+
+    @property
+    def half_width(self) -> float | None:
+        """Largest half width of the 95 % interval of survival; None where nothing is random."""
+        return None if self.interval is None else float(0.5 * np.diff(self.interval).max())
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Method, seed and sizes, half width, or what the one path does as "outcome": plain values by name.
+
+        The outcome is as in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``, with seconds where the
+        size of the block is known.
+        """
+        settings = super().metadata | {"realizations": int(self.realizations)}
+        return settings | ({"outcome": self._outcome()} if self.deterministic else {})
+
+    def _outcome(self):
+        """Return what the one path of a deterministic scene does as a text: whether, where and when it overturns."""
+        if self.first_overturning is None:
+            return f"deterministic: stands until {self._time_text(self.times[-1])}"
+        low, high, side = self.first_overturning
+        at = f"at {self._time_text(high)}"
+        when = at if low == high else f"between {self._time_text(low)} and {self._time_text(high)}"
+        return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
+
+    def _time_text(self, time):
+        """Return a `time` τ (float) as a text, with seconds where the size of the block is known."""
+        size = self.scene.block.size
+        return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
+
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """Diagnostics of this sample beside its sampling error: of the model, and of the steps of a single path.
+
+        The model's are also those of blocks that count as overturned and come back.
+        """
+        error = 0.0 if self.interval is None else 0.5 * float(np.diff(self.interval[-1])[0])
+        returning = return_diagnostics(self.scene, 1.0 - float(self.survival[-1]), error, self.returns)
+        return super().model_diagnostics() + returning + (path_diagnostics(self.method) if self.deterministic else [])
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok" on a deterministic scene, which has no sampling error."""
+        return EXACT_PATH if self.deterministic else ""
+
+    @property
+    def title(self) -> str:
+        """The engine, and the last survival with its interval or what the one path does, as a line of text."""
+        return f"{self.label}, {self._outcome()}" if self.deterministic else super().title
+
+    def overturning_text(self) -> str:
+        """Text of the probability of overturning until the last time ± half of its 95 % interval; one path has no ±."""
+        over = 1.0 - float(self.survival[-1])
+        if self.interval is None:
+            return f"P(overturned) = {over:.0f} (one path)"
+        half = np.abs(self.interval[-1] - self.survival[-1]).max()
+        return f"P(overturned) = {over:z.4f} ± {half:#.2g} (95 %, sampling)"
+
+    def summary(self) -> dict[str, Any]:
+        """Return a dict for JSON: noise, rows, metadata, survival, "interval" (95 %), overturned, verdict, remarks."""
+        values = super().summary()
+        interval = values.pop("survival_interval", None)
+        return values if interval is None else values | {"interval": interval}
+
+    def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
+        """Return None: a sample has no density. Use `bin_probabilities`.
+
+        Parameters
+        ----------
+        cycle : int
+            Not used.
+        """
+        return
+
+    @property
+    def survivors(self) -> Array:
+        """Number of realizations that have not overturned after each cycle, shape (cycles + 1,)."""
+        return self.realizations - self.overturned_counts.sum(axis=1)
+
+    @property
+    def survival(self) -> Array:
+        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
+        return self.survivors / self.realizations
+
+    @property
+    def overturned(self) -> Array:
+        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
+        return self.overturned_counts / self.realizations
+
+    def survival_interval(self, level: float = 0.95) -> Array:
+        """Return Wilson's confidence limits of survival; of a deterministic scene survival itself, which is exact.
+
+        Parameters
+        ----------
+        level : float
+            Confidence of each interval, in (0, 1).
+
+        Returns
+        -------
+        ndarray, shape (cycles + 1, 2)
+        """
+        limits = wilson_interval(self.survivors, self.realizations, level)
+        return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits

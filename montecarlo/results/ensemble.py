@@ -1,156 +1,19 @@
-"""Samples of realizations: what an ensemble and a tally have in common, and the ensemble.
-
-An ensemble keeps the states of all its realizations at the Poincaré points.
-"""
+"""Results that keep realizations: an ensemble, at the Poincaré points, and histories, with the impacts and between."""
 
 import dataclasses
 import functools
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from fpk_rocking.base.checks import Array
+from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
-from fpk_rocking.results.result import Dataset
-from fpk_rocking.results.sampling import return_diagnostics, wilson_interval
+from fpk_rocking.results.result import Dataset, Result
 from fpk_rocking.results.storage import Saved
-from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.scene import Scene
-
-
-class Sample(SurvivalResult):
-    """What an ensemble and a tally have in common: survival from counts, with its sampling error.
-
-    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle` and `wall_s`. It has besides
-
-    * ``realizations``: their number;
-    * ``overturned_counts``: how many have overturned to the left and to the right, (cycles + 1, 2);
-    * ``returns``: how many paths that overturned were followed on to the fall, and how many of them came back, (2,);
-    * ``first_overturning``: earliest and latest time of overturning of the first realization, and the side; None if it
-      stands.
-    """
-
-    if TYPE_CHECKING:
-        method: Any
-        overturned_counts: Any
-        returns: Any
-        first_overturning: Any
-
-    noise_replacement = ""
-    shown_bins = 24
-
-    @property
-    def engine(self) -> str:
-        """Name of the engine and its method, as "Monte Carlo rk4"."""
-        return f"Monte Carlo {self.method}"
-
-    @property
-    def deterministic(self) -> bool:
-        """Whether nothing is random (`Scene.deterministic`): all realizations are one path."""
-        return self.scene.deterministic
-
-    @property
-    def half_width(self) -> float | None:
-        """Largest half width of the 95 % interval of survival; None where nothing is random."""
-        return None if self.interval is None else float(0.5 * np.diff(self.interval).max())
-
-    @property
-    def metadata(self) -> dict[str, Any]:
-        """Method, seed and sizes, half width, or what the one path does as "outcome": plain values by name.
-
-        The outcome is as in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``, with seconds where the
-        size of the block is known.
-        """
-        settings = super().metadata | {"realizations": int(self.realizations)}
-        return settings | ({"outcome": self._outcome()} if self.deterministic else {})
-
-    def _outcome(self):
-        """Return what the one path of a deterministic scene does as a text: whether, where and when it overturns."""
-        if self.first_overturning is None:
-            return f"deterministic: stands until {self._time_text(self.times[-1])}"
-        low, high, side = self.first_overturning
-        at = f"at {self._time_text(high)}"
-        when = at if low == high else f"between {self._time_text(low)} and {self._time_text(high)}"
-        return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
-
-    def _time_text(self, time):
-        """Return a `time` τ (float) as a text, with seconds where the size of the block is known."""
-        size = self.scene.block.size
-        return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
-
-    def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of this sample beside its sampling error: of the model, and of the steps of a single path.
-
-        The model's are also those of blocks that count as overturned and come back.
-        """
-        error = 0.0 if self.interval is None else 0.5 * float(np.diff(self.interval[-1])[0])
-        returning = return_diagnostics(self.scene, 1.0 - float(self.survival[-1]), error, self.returns)
-        return super().model_diagnostics() + returning + (path_diagnostics(self.method) if self.deterministic else [])
-
-    @property
-    def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok" on a deterministic scene, which has no sampling error."""
-        return EXACT_PATH if self.deterministic else ""
-
-    @property
-    def title(self) -> str:
-        """The engine, and the last survival with its interval or what the one path does, as a line of text."""
-        return f"{self.label}, {self._outcome()}" if self.deterministic else super().title
-
-    def overturning_text(self) -> str:
-        """Text of the probability of overturning until the last time ± half of its 95 % interval; one path has no ±."""
-        over = 1.0 - float(self.survival[-1])
-        if self.interval is None:
-            return f"P(overturned) = {over:.0f} (one path)"
-        half = np.abs(self.interval[-1] - self.survival[-1]).max()
-        return f"P(overturned) = {over:z.4f} ± {half:#.2g} (95 %, sampling)"
-
-    def summary(self) -> dict[str, Any]:
-        """Return a dict for JSON: noise, rows, metadata, survival, "interval" (95 %), overturned, verdict, remarks."""
-        values = super().summary()
-        interval = values.pop("survival_interval", None)
-        return values if interval is None else values | {"interval": interval}
-
-    def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
-        """Return None: a sample has no density. Use `bin_probabilities`.
-
-        Parameters
-        ----------
-        cycle : int
-            Not used.
-        """
-        return
-
-    @property
-    def survivors(self) -> Array:
-        """Number of realizations that have not overturned after each cycle, shape (cycles + 1,)."""
-        return self.realizations - self.overturned_counts.sum(axis=1)
-
-    @property
-    def survival(self) -> Array:
-        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
-        return self.survivors / self.realizations
-
-    @property
-    def overturned(self) -> Array:
-        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
-        return self.overturned_counts / self.realizations
-
-    def survival_interval(self, level: float = 0.95) -> Array:
-        """Return Wilson's confidence limits of survival; of a deterministic scene survival itself, which is exact.
-
-        Parameters
-        ----------
-        level : float
-            Confidence of each interval, in (0, 1).
-
-        Returns
-        -------
-        ndarray, shape (cycles + 1, 2)
-        """
-        limits = wilson_interval(self.survivors, self.realizations, level)
-        return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits
+from montecarlo.results.counts import Sample
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -252,3 +115,156 @@ class Ensemble(Saved, Sample):
             overturn_side=("realization", self.overturn_side),
         )
         return dataset
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Histories(Saved, Result):
+    """Time histories of independent realizations, with every impact; all quantities are nondimensional.
+
+    There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
+    repeat.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene that was given to `histories`.
+    method : str
+        "exact", "rk4", "white" or "filtered".
+    seed : int
+        Seed of the random numbers.
+    steps_per_cycle, samples_per_cycle : int
+        As given to `histories`.
+    wall_s : float
+        Seconds that the call took, compilation included.
+    time : ndarray, shape (n,)
+        Times τ of the states, equally spaced from 0 where the forcing repeats.
+    angle, velocity : ndarray, shape (realizations, n)
+        States; nan after overturning.
+    overturn_time : ndarray, shape (realizations,)
+        Time τ of overturning; nan for a block that stands.
+    overturn_side : ndarray of int8, shape (realizations,)
+        -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
+    impact_realization : ndarray of int, shape (n_impacts,)
+        Number of the realization of each impact, ascending; the impacts of a realization are in the order of time.
+    impact_time, impact_velocity : ndarray, shape (n_impacts,)
+        Time τ of each impact, and the velocity just before it. A burst of ever smaller impacts (chatter) that an engine
+        sums up is not listed.
+
+    Examples
+    --------
+    >>> from fpk_rocking import Scene
+    >>> from montecarlo import histories
+    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz",
+    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
+    >>> paths = histories(rack, cycles=2, realizations=3)
+    >>> print(paths.impacts, paths.impact_velocity.round(2))
+    [3 3 2] [ 0.36 -0.91  0.67  0.29 -1.03  0.77  0.14 -0.64]
+    """
+
+    kind: ClassVar = "histories"
+    scene: Scene
+    method: str
+    seed: int
+    steps_per_cycle: int
+    samples_per_cycle: int
+    wall_s: float
+    time: Annotated[Array, "f8 k"]
+    angle: Annotated[Array, "f8 n k"]
+    velocity: Annotated[Array, "f8 n k"]
+    overturn_time: Annotated[Array, "f8 n"]
+    overturn_side: Annotated[Array, "i1 n"]
+    impact_realization: Annotated[Array, "i8 i"]
+    impact_time: Annotated[Array, "f8 i"]
+    impact_velocity: Annotated[Array, "f8 i"]
+
+    @property
+    def realizations(self) -> int:
+        """Number of realizations."""
+        return self.angle.shape[0]
+
+    @property
+    def cycles(self) -> int | None:
+        """Number of forcing cycles; None where the forcing does not repeat."""
+        return None if self.scene.period is None else (self.time.size - 1) // self.samples_per_cycle
+
+    @property
+    def impacts(self) -> Array:
+        """Number of impacts of each realization, shape (realizations,)."""
+        return np.bincount(self.impact_realization, minlength=self.realizations)
+
+    def model_diagnostics(self) -> list[Diagnostic]:
+        """Return a list of `Diagnostic`: on the model, and on the time steps of a path where nothing is random."""
+        return super().model_diagnostics() + (path_diagnostics(self.method) if self.scene.deterministic else [])
+
+    @property
+    def reason_if_ok(self) -> str:
+        """Reason of the verdict "ok", as a sentence: single paths have no sampling error."""
+        return EXACT_PATH if self.scene.deterministic else "These are single paths: nothing is estimated from them."
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """Plain values by name: method, seed, steps and samples in a cycle, "realizations", and "wall_s" in seconds."""
+        return super().metadata | {"realizations": self.realizations}
+
+    @property
+    def title(self) -> str:
+        """Number of paths, of those overturned and of impacts, as a line of text."""
+        ended = np.count_nonzero(self.overturn_side)
+        return (
+            f"{self.realizations:,} path{'s' * (self.realizations != 1)} by Monte Carlo {self.method} until "
+            f"τ = {self.time[-1]:.4g}, {ended:,} overturned, {self.impact_time.size:,} impacts"
+        )
+
+    def dataset(self) -> Dataset:
+        """Return the `Dataset` (named arrays) of states, overturnings and impacts.
+
+        A row of its table is the state of a realization at a time.
+        The impacts are arrays of their own, beside the table.
+        """
+        return Dataset(
+            {
+                "angle": (("realization", "time"), self.angle),
+                "velocity": (("realization", "time"), self.velocity),
+                "overturn_time": ("realization", self.overturn_time),
+                "overturn_side": ("realization", self.overturn_side),
+                "impact_realization": ("impact", self.impact_realization),
+                "impact_time": ("impact", self.impact_time),
+                "impact_velocity": ("impact", self.impact_velocity),
+            },
+            {"realization": np.arange(self.realizations), "time": self.time},
+            rows=("realization", "time"),
+        )
+
+    def plot(self, realizations: int = 3) -> Any:
+        """Draw angle against time, and paths in the phase plane.
+
+        Parameters
+        ----------
+        realizations : int
+            How many to draw, from the first on.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from fpk_rocking.results.pictures import figure_of
+
+        def angles(_, axes):
+            """Draw the angles over time on matplotlib `axes`; the first argument is not used."""
+            axes.plot(self.time, self.angle[:realizations].T, linewidth=0.9)
+            axes.set(xlabel="time τ", ylabel="angle Θ")
+
+        def plane(_, axes):
+            """Draw the paths in the phase plane on matplotlib `axes`; the first argument is not used."""
+            axes.plot(self.angle[:realizations].T, self.velocity[:realizations].T, linewidth=0.7)
+            axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
+
+        return figure_of(angles, plane)
+
+    def poincare(self) -> tuple[Array, Array]:
+        """Return angle and velocity at the whole cycles, each of shape (realizations, cycles + 1).
+
+        Both are nan after overturning.
+        """
+        refuse_transient(self.scene.forcing, "a Poincaré map")
+        return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]

@@ -12,10 +12,9 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, not_none
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.results.grids import ascending_edges
 from fpk_rocking.results.sampling import wilson_interval
-from montecarlo.results.ensemble import Ensemble
-from montecarlo.results.histories import Histories
+from fpk_rocking.scene.ranges import ascending_edges
+from montecarlo.results.ensemble import Ensemble, Histories
 
 
 class Histogram(NamedTuple):

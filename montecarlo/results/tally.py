@@ -11,8 +11,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
-from montecarlo.results.counts import PARTS, Counts, moments
-from montecarlo.results.ensemble import Sample
+from montecarlo.results.counts import PARTS, Counts, Sample, moments
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -17,9 +17,9 @@ from fpk_rocking.density.patches import Gaussian
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space import Space, velocity_bound
-from fpk_rocking.density.step.cell_paths import displaced
 from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.free_flight import displaced
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.transient import Sticking
 from fpk_rocking.physics.motion.equation import KernelBlock, UnequalSides

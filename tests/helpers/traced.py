@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fpk_rocking.density.step.cell_paths import trace_cells
 from fpk_rocking.density.step.dynamics import GaussPoints
+from fpk_rocking.density.step.step import trace_cells
 
 
 def path_ends(x, v, side, segment, block, noise):

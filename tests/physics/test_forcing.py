@@ -10,7 +10,7 @@ from fpk_rocking import Block, Dimensions, NoNoise, Scene, WhiteNoise
 from fpk_rocking.forcings import FORCINGS, Chirp, Forcing, Harmonic, Harmonics, Pulse, Record
 from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.scene import limits
+from fpk_rocking.scene import ranges
 from fpk_rocking.studies import intensities, resized, scaled
 from montecarlo import simulate
 
@@ -121,16 +121,16 @@ def test_a_scene_file_holds_it_and_its_range_is_kept(forcing):
     assert type(Scene.from_toml(scene.to_toml()).forcing) is type(forcing)
     with pytest.raises(ValueError, match=r"forcing\.more: unknown"):
         Scene.from_toml(scene.to_toml().replace("[forcing]", "[forcing]\nmore = 1"))
-    limits.check(scene)
+    ranges.check(scene)
     fields = {
         field.name for field in dataclasses.fields(forcing) if not isinstance(getattr(forcing, field.name), str | None)
     }
     assert forcing.dimensional or fields <= forcing.ranges.keys()
     assert all(hasattr(forcing, name) for name in forcing.ranges)
-    with pytest.raises(ValueError, match=rf"forcing\..*{limits.checks.ENGINES[2:-1]}"):
-        limits.check(scene_of(forcing.scaled(2.0 * RANGES["amplitude"][1], 1.0)))
-    with pytest.raises(ValueError, match=rf"forcing\..*{limits.checks.ENGINES[2:-1]}"):
-        limits.check(scene_of(forcing.scaled(1.0, 1e-9)))
+    with pytest.raises(ValueError, match=rf"forcing\..*{ranges.checks.ENGINES[2:-1]}"):
+        ranges.check(scene_of(forcing.scaled(2.0 * RANGES["amplitude"][1], 1.0)))
+    with pytest.raises(ValueError, match=rf"forcing\..*{ranges.checks.ENGINES[2:-1]}"):
+        ranges.check(scene_of(forcing.scaled(1.0, 1e-9)))
 
 
 @every

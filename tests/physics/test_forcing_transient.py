@@ -23,7 +23,7 @@ from fpk_rocking import (
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.cli import main
 from fpk_rocking.physics.forcing.files import MOST
-from fpk_rocking.scene import limits
+from fpk_rocking.scene import ranges
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
 from montecarlo.results.statistics import overturning_rate
@@ -248,7 +248,7 @@ def test_bad_values_are_refused_by_name():
         ),
         (lambda: RECORD.duration, "block.dimensions: missing"),
         (Block, "block.restitution: missing"),
-        (lambda: limits.check(SHAKEN.varied(forcing={"scale": 1e6})), "forcing.scale: got 1000000.0, accepted: acc"),
+        (lambda: ranges.check(SHAKEN.varied(forcing={"scale": 1e6})), "forcing.scale: got 1000000.0, accepted: acc"),
         (
             lambda: Scene.from_block(0.6, 2.0, 4.0, record=RECORD),
             "peak_acceleration: got 4.0, accepted: nothing where",

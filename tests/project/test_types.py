@@ -94,7 +94,7 @@ def bare_functions(body):
 
 def test_public_functions_of_what_mypy_checks_have_types():
     files = list(checked_files())
-    assert len(files) > 90
+    assert len(files) > 60
     bare = {str(path): list(bare_functions(ast.parse(path.read_text(encoding="utf-8")).body)) for path in files}
     assert {name: untyped for name, untyped in bare.items() if untyped} == {}
 

@@ -13,9 +13,9 @@ from scipy import special
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
 from fpk_rocking.compare import compare
-from fpk_rocking.results.grids import joint_edges
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic, assess, verdict
+from fpk_rocking.scene.ranges import joint_edges
 from fpk_rocking.studies import Fragility, Sweep
 from montecarlo import Splitting, histories, simulate, tally
 

@@ -186,7 +186,7 @@ def scene(**parts):
 
 @st.composite
 def extreme_scenes(draw, noises):
-    """Scenes within the range of the engines, to its ends: every value of any size that `limits` allows.
+    """Scenes within the range of the engines, to its ends: every value of any size that `ranges` allows.
 
     `noises` is a strategy for the noise. Some starts are next to the cut-off, some restitutions next to 0 and 1.
     """

@@ -15,7 +15,7 @@ from fpk_rocking import (
     Scene,
     WhiteNoise,
 )
-from fpk_rocking.scene import limits
+from fpk_rocking.scene import ranges
 
 STATUE = Body(1.1, right=0.30, left=0.38, radius_of_gyration=0.62)
 SCENE = Scene(Block(body=STATUE), Harmonic(1.3, 2.2), WhiteNoise(0.02))
@@ -129,6 +129,6 @@ def test_a_body_excludes_width_height_and_gravity():
 
 def test_lengths_in_millimetres_are_doubted():
     scene = Scene(Block(0.9, body=Body(1100.0, 300.0, 380.0, 620.0)), Harmonic(1.0, 1.0), NoNoise())
-    sentences = limits.implausible(scene)
+    sentences = ranges.implausible(scene)
     assert "block.body.height_of_centre is 1100 m; was 1.1 m meant?" in sentences
-    assert limits.implausible(scene.varied(block={"body": STATUE}, overturning=Overturning())) == []
+    assert ranges.implausible(scene.varied(block={"body": STATUE}, overturning=Overturning())) == []

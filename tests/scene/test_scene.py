@@ -22,7 +22,7 @@ from fpk_rocking import (
     load_scene,
     melnikov,
 )
-from fpk_rocking.scene import limits
+from fpk_rocking.scene import ranges
 
 SCENES = pathlib.Path(__file__).parents[2] / "cases" / "scenes"
 
@@ -213,21 +213,21 @@ def test_values_out_of_bounds_are_refused(make, message):
 
 
 def test_the_ends_of_the_range_of_the_engines_belong_to_it():
-    limits.check(scene(noise=BandNoise(0.04, (0.0, 1e4), 100_000)))
+    ranges.check(scene(noise=BandNoise(0.04, (0.0, 1e4), 100_000)))
     for band, harmonics, name in (((0.0, 10_001.0), 100_000, "band"), ((0.0, 1e4), 100_001, "harmonics")):
         with pytest.raises(ValueError, match=rf"^noise\.{name}: .*the range of the engines"):
-            limits.check(scene(noise=BandNoise(0.04, band, harmonics)))
+            ranges.check(scene(noise=BandNoise(0.04, band, harmonics)))
 
 
 @pytest.mark.parametrize(
     ("start", "got"), [(Start(1e-12), "angle: got 1e-12"), (Start(0.0, -1e-6), "velocity: got -1e-06")]
 )
 def test_an_elastic_block_that_bounces_without_end_is_refused(start, got):
-    limits.check(scene(start=start))
+    ranges.check(scene(start=start))
     with pytest.raises(
         ValueError, match=rf"^start\.{got}, accepted: 0, or a start that leads to impacts of speed 1e-05"
     ):
-        limits.check(scene(start=start, block=Block(1.0)))
+        ranges.check(scene(start=start, block=Block(1.0)))
 
 
 @pytest.mark.parametrize(

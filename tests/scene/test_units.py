@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, Start, WhiteNoise, load_scene
 from fpk_rocking.scene import Record
-from fpk_rocking.scene.limits import implausible
+from fpk_rocking.scene.ranges import implausible
 from fpk_rocking.scene.units import in_units
 
 

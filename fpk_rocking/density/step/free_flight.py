@@ -9,7 +9,7 @@ they have the covariance of the flight, exactly (derived in docs/theory). Mass i
 What the acceleration of an exact block has beyond this, c, depends on angle and time alone: it is a kick of the
 velocity half way through the step, in which the noise by which lines of different angles differ diffuses them too. The
 middle of X Y X is the state half way but for a stretch: angle / cosh(t/2), velocity cosh(t/2). To first order in c,
-such a kick is the exact flight between states that are displaced a little (`cell_paths.displaced`): its error is a
+such a kick is the exact flight between states that are displaced a little (`displaced`): its error is a
 total derivative, (t²/24) (-c, v ∂c/∂x + ∂c/∂t) at the end less that at the begin, which cancels from step to step. So a
 density on the mesh is one of displaced states; what is left is of second order in c, and of fourth in the step to first
 (derived in docs/theory).
@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
-from fpk_rocking.base.jit import run_in_parts
+from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.remap import prepare_remap, target_range
 from fpk_rocking.density.step.shears import (
@@ -36,6 +36,13 @@ from fpk_rocking.density.step.shears import (
 )
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.block import SLENDER_CONTACT, contact_laws
+from fpk_rocking.physics.motion.equation import (
+    acceleration,
+    acceleration_gradient,
+    dispatch_on_block,
+    force_factor,
+    value_and_slope,
+)
 from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
 
 
@@ -268,3 +275,30 @@ def balanced_order(ranges):
     """
     rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
     return np.concatenate([rows[::2], rows[1::2]])
+
+
+@kernel(inline="always")
+def _slender_displaced(x, v, side, time, displacement, segment, block):  # noqa: ARG001
+    """Return (x, v), the angle and velocity of a slender block, as they are; no other argument is used."""
+    return x, v
+
+
+@kernel
+def _exact_displaced(x, v, side, time, displacement, segment, block):
+    """Return (x, v), angle and velocity of an exact block on `side`, ±1, displaced at a `time` of a `Segment`.
+
+    `displacement` is that of `displaced`, a square of a time; `block` is a `KernelBlock`. All are nondimensional.
+    """
+    u, (force, slope) = side * x, value_and_slope(segment.force, time)
+    excess = acceleration(u, side, force, block) - acceleration(0.0, side, force, block) - u
+    gradient = acceleration_gradient(u, side, force, block) - 1.0
+    rise = slope * (force_factor(u, side, block) - force_factor(0.0, side, block))
+    return x - side * displacement * excess, v + displacement * (v * gradient + rise)
+
+
+displaced = dispatch_on_block(_slender_displaced, _exact_displaced)
+"""State (x, v) on a side, plus `displacement` times (-c, v ∂c/∂x + ∂c/∂t) of an exact block at a `time` of a `Segment`.
+
+`c` is the acceleration less that of the affine flights, see `free_flight`. States of the mesh are the real ones less
+this at duration²/24.
+"""

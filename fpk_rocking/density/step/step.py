@@ -1,8 +1,9 @@
 """A time step of the density as a linear map (transfer operator), and its adjoint, the step of the backward equation.
 
 Cells that no event can reach move in free flight (`free_flight`). From all others every Gauss point sends
-characteristics (`characteristics`), which end in cells (`targets`) where their mass is scattered (`scatter`). A step is
-set up once for its phase of the forcing and applied in every cycle.
+characteristics (`characteristics`), which end in cells (`targets`) where their mass is scattered (`scatter`). A density
+on the mesh is one of states that are displaced a little from the real ones (`free_flight`); paths are followed from
+real states to real ones (`trace_cells`). A step is set up once for its phase of the forcing and applied in every cycle.
 """
 
 import dataclasses
@@ -11,16 +12,96 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_hermite_product, gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.space import Space
-from fpk_rocking.density.step.cell_paths import trace_cells
-from fpk_rocking.density.step.characteristics import Noise, principal_axes
-from fpk_rocking.density.step.dynamics import Dynamics, GaussPoints, event_cells
-from fpk_rocking.density.step.free_flight import FreeFlight
+from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point, write_end
+from fpk_rocking.density.step.dynamics import Dynamics, GaussPoints, event_cells, points_of_cell
+from fpk_rocking.density.step.free_flight import FreeFlight, displaced
 from fpk_rocking.density.step.scatter import AffinePaths, Chunks, SourceCells, gather, scatter, sum_buffers
 from fpk_rocking.density.step.targets import Targets
 from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.physics.motion import TERMS
+
+_four_polynomials = scratch(4, TERMS)
+
+
+@kernel
+def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
+    """Write `ends` (g, h, n, 2) and `flags` (g, h, n) of the paths of cell (i, j), see `trace_cells`.
+
+    They are angle and velocity at the end, and the side there or an `Exit`, for g, h Gauss points and n nodes of the
+    noise. `points`: `GaussPoints`; `segment`: the forcing over the step, a `Segment`; `block`: a `KernelBlock`;
+    `noise`: the `Noise` in it; `displacement`: as of `trace_cells`.
+    """
+    scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
+    for p in range(len(x)):
+        for q in range(len(v)):
+            xp, vq = displaced(x[p], v[q], side, 0.0, displacement, segment, block)
+            trace_point(xp, vq, side, segment, block, noise, scratch, ends[p, q], flags[p, q])
+            if displacement > 0.0:
+                _displace_back(segment, block, noise.duration, displacement, ends[p, q], flags[p, q])
+
+
+@kernel
+def _displace_back(segment, block, duration, displacement, ends, flags):
+    """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1.
+
+    `displacement`, the squared time ≥ 0 that `trace_cells` has added, is taken off here, see `displaced`. `block`: a
+    `KernelBlock`. `segment` is the forcing over the step of a `duration`, a `Segment`. What is past the cut-off then
+    has overturned: its flag becomes an `Exit`. Rows with other flags stay.
+    """
+    for n in range(len(ends)):
+        side = flags[n]
+        if abs(side) == 1:
+            x, v = displaced(ends[n, 0], ends[n, 1], side, duration, -displacement, segment, block)
+            write_end(n, x, v, side, side, block.cutoff, ends, flags)
+
+
+@kernel
+def _trace_all(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
+    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
+
+    `cells` (m, 2) are their indices, `ends` (m, g, h, n, 2) and `flags` (m, g, h, n) are written. `points`:
+    `GaussPoints`; `segment`: the forcing over the step, a `Segment`; `noise`: the `Noise` in it; the others as of
+    `trace_cells`.
+    """
+    cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
+    for c in range(begin, end):
+        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, displacement, ends[c], flags[c])
+
+
+def trace_cells(cells, points, segment, block, noise, displacement=0.0):
+    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise.
+
+    Parameters
+    ----------
+    cells : ndarray, shape (m, 2)
+        Angle and velocity index of each cell.
+    points : GaussPoints
+        g points a cell in angle, h in velocity.
+    segment : Segment
+        The forcing over the step.
+    block : KernelBlock
+    noise : Noise
+        With n nodes.
+    displacement : float
+        Of states of the mesh from the real ones (`displaced`), at begin and end; the square of a nondimensional time.
+
+    Returns
+    -------
+    ends : ndarray, shape (m, g, h, n, 2)
+        Angle and velocity at the end of the step.
+    flags : ndarray of int, shape (m, g, h, n)
+        The side there, -1 or 1, or an `Exit`, below these.
+    """
+    shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
+    ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
+    parts = np.ascontiguousarray(cells), points, segment, block, noise, displacement, ends, flags
+    path = TUNING.seconds_path if block.critical_angle is None else TUNING.seconds_exact_path
+    run_in_parts(_trace_all, len(cells), *parts, seconds=path * flags.size)
+    return ends, flags
 
 
 @dataclasses.dataclass(frozen=True)

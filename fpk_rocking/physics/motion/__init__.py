@@ -2,9 +2,9 @@
 
 From the bottom: `equation` (accelerations, for slender and exact blocks, and the force over a time as a polynomial),
 `flight` (motion between events), `impact` (the impact law and its derivative), `events` (a block through impacts, rest,
-lift-off and overturning). `slender_interval` and `collocation` with its `collocation_tables` do what `events` does,
-fast, over the intervals of a grid, for slender and exact blocks. Without a compiler: `block` (flights of slender blocks
-as tables, and what the exact equation adds) and `separatrix` (the orbit between the saddles).
+lift-off and overturning). `intervals` and `collocation` do what `events` does, fast, over the intervals of a grid, for
+slender and exact blocks. Without a compiler: `block` (flights of slender blocks as tables, what the exact equation
+adds, and the orbit between the saddles).
 """
 
 import math

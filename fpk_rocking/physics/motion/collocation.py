@@ -18,15 +18,6 @@ import numpy as np
 from fpk_rocking.base.arrays import borrowed, load, scratch, spread, store, total
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.collocation_tables import (
-    COSINE,
-    INNER,
-    MONOMIALS,
-    NODES,
-    POINTS,
-    SINE,
-    TUNING,
-)
 from fpk_rocking.physics.motion.equation import (
     acceleration_scale,
     restitution_from,
@@ -46,6 +37,15 @@ from fpk_rocking.physics.motion.events import (
     rest_or_flight,
 )
 from fpk_rocking.physics.motion.impact import velocity_after_impact
+from fpk_rocking.physics.motion.intervals import (
+    COSINE,
+    INNER,
+    MONOMIALS,
+    NODES,
+    POINTS,
+    SINE,
+    TUNING,
+)
 
 _polynomials = scratch(2, TERMS)
 

@@ -16,7 +16,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.checks import Array, ArrayLike, Number
-from fpk_rocking.physics.motion import separatrix
+from fpk_rocking.physics.motion.block import checked_angle, kernel_halves, melnikov_kernel, white_gain
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 
 
@@ -55,11 +55,11 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     if noise.kind == "none":
         return 0.0
     if noise.kind == "white":
-        return 2.0 * noise.diffusion * separatrix.white_gain(critical_angle)
+        return 2.0 * noise.diffusion * white_gain(critical_angle)
     if noise.kind == "band":
-        if separatrix.checked(critical_angle) > 0.0:
+        if checked_angle(critical_angle) > 0.0:
             weights, frequencies = _quadrature(noise)
-            cosine, _ = separatrix.halves(frequencies, critical_angle)
+            cosine, _ = kernel_halves(frequencies, critical_angle)
             return 4.0 * noise.variance * float(weights @ np.square(cosine))
         low, high = noise.band
         width = high - low
@@ -67,7 +67,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
         arcs = math.atan2(width, 1.0 + low * high) / width
         ratios = (1.0 - low * high) / ((1.0 + low * low) * (1.0 + high * high))
         return 2.0 * noise.variance * (arcs + ratios)
-    return noise.variance * noise.space.variance_along(*separatrix.kernel(critical_angle))
+    return noise.variance * noise.space.variance_along(*melnikov_kernel(critical_angle))
 
 
 def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
@@ -103,7 +103,7 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     _check(noise)
     if noise.kind == "white":
         return noise.diffusion
-    return 0.5 * noise_variance(noise, critical_angle) / separatrix.white_gain(critical_angle)
+    return 0.5 * noise_variance(noise, critical_angle) / white_gain(critical_angle)
 
 
 def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
@@ -137,9 +137,9 @@ def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     [1.0, 0.18, 0.006]
     """
     _check(noise)
-    white = math.pi * separatrix.white_gain(critical_angle)
+    white = math.pi * white_gain(critical_angle)
     if noise.kind == "filtered" and noise.variance > 0.0:
-        along = noise.space.variance_along(*separatrix.kernel(critical_angle))
+        along = noise.space.variance_along(*melnikov_kernel(critical_angle))
         return along / (white * noise.space.peak_density)
     banded = _band(noise)
     low, high = banded.band
@@ -169,9 +169,9 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
         The weight, nondimensional, of the shape of `frequency`.
     """
     e, square = restitution, np.square(frequency)
-    if separatrix.checked(critical_angle) > 0.0:
-        cosine, sine = separatrix.halves(frequency, critical_angle)
-        white = (1.0 + e * e) * separatrix.white_gain(critical_angle)
+    if checked_angle(critical_angle) > 0.0:
+        cosine, sine = kernel_halves(frequency, critical_angle)
+        white = (1.0 + e * e) * white_gain(critical_angle)
         return (((1.0 + e) * cosine) ** 2 + ((1.0 - e) * sine) ** 2) / white
     return ((1.0 + e) ** 2 + (1.0 - e) ** 2 * square) / ((1.0 + e * e) * (1.0 + square) ** 2)
 

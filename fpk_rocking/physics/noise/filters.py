@@ -18,7 +18,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.motion import separatrix
+from fpk_rocking.physics.motion.block import melnikov_kernel
 from fpk_rocking.physics.noise.state_space import StateSpace
 
 __all__ = ["BUTTERWORTH", "FILTERS", "CloughPenzien", "Filter", "LinearFilter", "low_pass_frequency"]
@@ -256,7 +256,7 @@ def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angl
     """
     from scipy.optimize import brentq
 
-    terms = separatrix.kernel(critical_angle)
+    terms = melnikov_kernel(critical_angle)
 
     def excess(power):
         """Return the Melnikov variance, a float, of the filter of frequency exp(power), less the ratio."""

@@ -1,19 +1,23 @@
-"""A slender block through one interval of a grid, fast: impacts, rest, overturning, and states between.
+"""Motion over the intervals of a time grid, fast: a slender block through one; tables of an exact block's flights.
 
-An impact between two grid points is met by Halley's iteration on the flight written as a polynomial, and accepted only
-where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
-impacts, chatter, rest, lift-off, grazing and overturning, goes to `events.advance_through_events`.
+An exact block flies by Gauss-Legendre collocation (`collocation`), with the tables made here, of the points and of
+flights over one duration.
 
-A flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
+An impact of a slender block between two grid points is met by Halley's iteration on the flight written as a polynomial,
+and accepted only where a bound of the acceleration proves that it is the first event and the only one. Everything else,
+slow and repeated impacts, chatter, rest, lift-off, grazing and overturning, goes to `events.advance_through_events`. A
+flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
 as they are at the interval's begin and returned as they are at its end.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.arrays import WIDTH, borrowed
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
@@ -27,6 +31,92 @@ from fpk_rocking.physics.motion.events import (
 )
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle, state_from_exponentials
 from fpk_rocking.physics.motion.impact import velocity_after_impact, velocity_jump
+
+NODES = WIDTH
+
+
+def _collocation():
+    """Return Gauss points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them, 0 at others.
+
+    The tuple is c; the polynomials' double integrals from 0 up to the points, (NODES, NODES) [polynomial, point]; their
+    coefficients on [-1, 1], lowest power first, (NODES, NODES) [polynomial, power]; and six rows (6, NODES): c, the
+    double and the single integral to 1, 1/((k + 1)(k + 2)), and the unit vectors of the first and the last point.
+    """
+    points, weights = gauss_legendre(NODES, -1.0, 1.0)
+    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
+    twice = np.array([np.polynomial.legendre.legint(row, 2, lbnd=-1) for row in lagrange])
+    inner = 0.25 * np.polynomial.legendre.legval(points, twice.T)
+    places, order, unit = 0.5 * (1.0 + points), np.arange(NODES), np.eye(NODES)
+    monomials = np.array([np.polynomial.legendre.leg2poly(row) for row in lagrange])
+    rows = 0.5 * weights * (1.0 - places), 0.5 * weights, 1.0 / ((order + 1.0) * (order + 2.0)), unit[0], unit[-1]
+    return places, inner, monomials, np.stack([places, *rows])
+
+
+PLACES, INNER, MONOMIALS, POINTS = _collocation()
+
+
+class FlightTables(NamedTuple):
+    """Tables for flights u'' = u - m + a over one duration: without a, and what a adds by its values at the points.
+
+    `points` (4, NODES): cosh and sinh of the time at the Gauss points; angle and velocity at the end that a unit value
+    of a at a point adds. `inner` (NODES, NODES) [j, i]: angle at point i by the value at point j. `cosh`, `sinh`: at
+    the end.
+    """
+
+    points: np.ndarray
+    inner: np.ndarray
+    cosh: float
+    sinh: float
+
+
+@functools.lru_cache(maxsize=64)
+def flight_tables(span: float) -> FlightTables:
+    """Return the `FlightTables`, a named tuple of arrays over the Gauss points, of flights of the duration `span`.
+
+    The duration is nondimensional. The arrays are cached, so that nothing may write to them.
+    """
+    points, weights = gauss_legendre(24, -1.0, 1.0)
+    ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
+    lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
+    left = ends[:, None] * (1.0 - parts)
+    weights = 0.5 * weights * ends[:, None]
+    angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
+    velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
+    rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
+    return FlightTables(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
+
+
+def _lagrange(j, places):
+    """Return values (n,), at `places` (n,) of [0, 1], of the polynomial that is 1 at `PLACES[j]`, 0 at the others."""
+    others = np.delete(PLACES, j)
+    return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
+
+
+def _economized(start):
+    """Return 9 polynomial coefficients, a tuple, lowest power of φ² first, of sin φ/φ (`start` 1) or cos φ (`start` 0).
+
+    They are right to 1e-16 for |φ| <= π/2.
+    """
+    terms, most = 9, (0.5 * math.pi) ** 2
+    angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
+    values = np.sin(angles) / angles if start else np.cos(angles)
+    fit = np.polynomial.Chebyshev.fit(angles**2, values, terms - 1, domain=[0.0, most])
+    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
+
+
+SINE, COSINE = _economized(1), _economized(0)
+
+
+class Tuning(NamedTuple):
+    """Tuned numbers of the iteration for the accelerations of an exact flight; nondimensional."""
+
+    collocation_change: float = 1e-24
+    """Square of an acceleration, times the duration, that the next round may still change."""
+    collocation_turn: float = 1e-5
+    """Largest sum of squares of the turns from the first guess for which a series has their sine and cosine."""
+
+
+TUNING = Tuning()
 
 
 class Interval(NamedTuple):
