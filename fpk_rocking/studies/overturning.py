@@ -25,8 +25,6 @@ from fpk_rocking.studies.probability import (
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.splitting import split
 
-__all__ = ["Probability", "probability"]
-
 _PILOT = 1000
 """Paths before anything is predicted."""
 _FEW, _FEW_S = 5, 1.0

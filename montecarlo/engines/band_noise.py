@@ -93,7 +93,7 @@ class Parameters(NamedTuple):
     `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the forcing for an exact block.
     `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
     flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest. `envelope`: of the noise.
-    `exponentials`, `bend`: see `physics.motion.slender_interval.Interval`. `flight`: tables of a kind of flight.
+    `exponentials`, `bend`: see `physics.motion.intervals.Interval`. `flight`: tables of a kind of flight.
     """
 
     block: KernelBlock

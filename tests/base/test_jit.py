@@ -48,7 +48,7 @@ def test_an_edited_kernel_is_compiled_anew_also_where_another_file_calls_it(pack
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 0)
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 1)
     before = set(cache.iterdir())
-    files = package / "base" / "files.py"
+    files = package / "results" / "storage.py"
     files.write_text(files.read_text() + "\n")
     assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 1)
     assert set(cache.iterdir()) == before

@@ -89,7 +89,7 @@ class Targets(NamedTuple):
         Parameters
         ----------
         ends, flags : ndarray, shapes (m, g, h, n, 2), (m, g, h, n)
-            Of the paths of m further cells, see `cell_paths.trace_cells`; the ends are overwritten.
+            Of the paths of m further cells, see `step.trace_cells`; the ends are overwritten.
         searches : tuple of CellSearch
             Of the target mesh in angle and velocity.
         first_positive : int

@@ -192,16 +192,6 @@ def force_factors(angles: Array, critical_angle: float, saddle: Number = 1.0, sc
     return scale * np.cos(tilt_angle(angles, critical_angle, saddle))
 
 
-def gravity_correction(angles: Array, sides: Array, critical_angle: float) -> Array:
-    """Return what the exact gravity -s sin φ/α adds to that of a slender block, x - s: (n, ...), nondimensional.
-
-    `angles` (n, ...) are x, nondimensional, `sides` (n, ...) are s, +1 or -1, and `critical_angle` is α > 0 in radians;
-    φ is α (1 - |x|).
-    """
-    phi = tilt_angle(angles, critical_angle)
-    return -sides * (np.sin(phi) - phi) / critical_angle
-
-
 def largest_correction(force: float, critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:
     """Bound, a float, of what the exact acceleration adds to x - s m + f, from zero angle to twice the saddle's.
 
