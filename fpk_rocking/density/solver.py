@@ -9,20 +9,17 @@ from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
 from fpk_rocking.density.filtered import FilteredPropagator
-from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import (
-    SOLUTIONS,
-    Level,
-    ProgressCount,
+from fpk_rocking.density.notices import (
     announce,
     announce_finer,
     estimated_seconds,
-    refine,
     refuse_large,
     refuse_slow,
     refuse_unsolvable,
     warn_beyond,
 )
+from fpk_rocking.density.propagator import PeriodicPropagator
+from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, refine
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, bins_tolerance, explore, in_rest, resolutions_for
 from fpk_rocking.density.space import velocity_bound
 from fpk_rocking.density.transient import TransientPropagator

@@ -11,8 +11,9 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
+from fpk_rocking.density.notices import warn_beyond
 from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, refine, warn_beyond
+from fpk_rocking.density.refinement import SOLUTIONS, Level, refine
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore, resolutions_for
 from fpk_rocking.density.space import escape_speed, exact_correction, reflected, velocity_bound
 from fpk_rocking.density.tuning import TUNING

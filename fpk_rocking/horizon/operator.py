@@ -10,7 +10,7 @@ from scipy.sparse.linalg import LinearOperator
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.density.density import Density, PlaneMap
-from fpk_rocking.density.refinement import refuse_filtered, refuse_unsolvable
+from fpk_rocking.density.notices import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.space import Space
 from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator

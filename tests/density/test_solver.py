@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density import refinement, resolution, solver
+from fpk_rocking.density import notices, refinement, resolution, solver
 from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, StateRange, explore
@@ -190,12 +190,12 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     """Seconds of one processor grow with the cycles; the paths are those of a standard error below the tolerance."""
     times = MAIN.period * np.arange(11)
     mesh = mesh_of(MAIN, RESOLUTIONS[2])
-    few, many = (refinement.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
+    few, many = (notices.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
     assert 10.0 * few < many < 100.0 * few
-    refinement.announce(MAIN, [mesh], times, 1e-2)
+    notices.announce(MAIN, [mesh], times, 1e-2)
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(refinement, "estimated_seconds", lambda *_: 26.0)
-    refinement.announce(MAIN, [mesh, mesh], times, 1e-2)
+    monkeypatch.setattr(notices, "estimated_seconds", lambda *_: 26.0)
+    notices.announce(MAIN, [mesh, mesh], times, 1e-2)
     said = capsys.readouterr().err
     assert "about 50 s of one processor" in said
     assert "10,000 sampled paths give a standard error of 0.005" in said
@@ -203,10 +203,10 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
 
 def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys, refined):
     """By what the one before took; the first three are told of together."""
-    monkeypatch.setattr(refinement, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
-    refinement.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
+    monkeypatch.setattr(notices, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
+    notices.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
     assert capsys.readouterr().err == ""
-    refinement.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
+    notices.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
     assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
     density, announced = refined
     assert announced[-1][2].cells[0] == density.settings["angle_cells"]
