@@ -318,7 +318,8 @@ def _solved(options, scene):
 def _checked(options, density, beside=None):
     """Return a density, an `Evolution`, with the measured change by the replacement of its noise.
 
-    `options` are the parsed arguments; the paths are those of `beside`, an `Ensemble` or `Tally`, if they are enough.
+    `options` are the parsed arguments; with `--no-check`, or where no noise was replaced, it comes back as it is. The
+    paths are those of `beside`, an `Ensemble` or `Tally`, if they are enough, else new ones.
     """
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import tasks

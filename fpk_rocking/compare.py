@@ -310,7 +310,7 @@ def _sample_size(result: SurvivalResult) -> int | None:
 
 
 def shown_cycles(cycles: int) -> list[int]:
-    """Return an ascending list of the cycles that tables show: 1, 2, 4, 10, 20, ... and the last, `cycles`."""
+    """Return the cycles that tables show, ascending: 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last, `cycles`."""
     return sorted({*(cycle for cycle in (1, 2, 4, 10, 20, 40, 60, 100, 200) if cycle <= cycles), cycles})
 
 

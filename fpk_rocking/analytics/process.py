@@ -8,7 +8,7 @@ the time τ₀ passes the other saddle with the excess energy (paper eqs. 12 to 
 
 for the orbit from left to right. Where it is positive, blocks cross the separatrix and leave. This is for a slender
 block. With a critical angle α > 0 the energy is v²/2 - (1 - cos φ)/α², φ = α (1 - |x|). The kernel v cos φ takes the
-place of v₀ in the integral, and M = (1 - e²) (2/α²) sin²(α/2), see `physics.motion.separatrix`.
+place of v₀ in the integral, and M = (1 - e²) (2/α²) sin²(α/2), see `physics.motion.block`.
 """
 
 import math

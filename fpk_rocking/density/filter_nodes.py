@@ -262,7 +262,10 @@ def filtered_discretization(scene, plane, number):
 
 
 def may_rest(scene):
-    """Whether the force at a cycle's end may be below lift-off, four standard deviations of noise against it."""
+    """Whether |f| at a cycle's end may be below lift-off, with four standard deviations of noise against it: a bool.
+
+    The `scene`, a `Scene`, has filtered noise and a forcing that repeats.
+    """
     return abs(scene.forcing.value(0.0)) < scene.block.lift_off + 4.0 * math.sqrt(scene.noise.variance)
 
 

@@ -109,9 +109,10 @@ class FilteredStart:
         return last
 
     def resolution(self, time: float, space: Space) -> float:
-        """Return the least standard deviation at a node of the noise, at a `time`, over the size of a mesh's cell.
+        """Return the block's least standard deviation, of angle or velocity, in sizes of the mesh cell its mean is in.
 
-        It is a float. The mesh is that of a `Space`; see `resolution_of`.
+        It is a float, at a nondimensional `time` since τ = 0 and for known states of the noise; each of the two is
+        conditional on the other. The mesh is that of a `Space`; see `resolution_of`.
         """
         mean, covariance = self.at(time)
         return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)

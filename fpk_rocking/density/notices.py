@@ -1,4 +1,7 @@
-"""What a user is told beside a density: scenes refused, seconds that it will take, results that miss the tolerance."""
+"""What a user is told beside a density: scenes refused, too much memory, seconds to come, a tolerance that is missed.
+
+The one-cycle operator (`horizon`) uses the refusals and the warning too.
+"""
 
 import itertools
 import math

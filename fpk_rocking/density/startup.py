@@ -78,7 +78,10 @@ class StartUp:
         return still and self.dynamics.rest_gap(0.0) >= 0.0
 
     def flight(self, time):
-        """Return the `Gaussian` of angle and velocity at a `time` since the start of an eventless flight."""
+        """Return the `Gaussian` of angle and velocity at a `time` τ, nondimensional, if there was no event before.
+
+        At a `time` up to 0 it is that of the start itself.
+        """
         if time <= 0.0:
             return self._initial
         return self._flight(time) if self._exact else self._initial.after_flight(self.dynamics, 0.0, time, self._side)

@@ -338,7 +338,8 @@ class TransientPropagator(Propagator):
     def _stick(self, state, time):
         """Let those blocks of a `TransientState` stick that come to rest before the next lift-off; return None.
 
-        `time` is that of the state, which is changed in place.
+        `time` τ, nondimensional, is that of the state, which is changed in place: their mass goes from its density to
+        `sticking`. All blocks stick where the mass of the others may be treated as small (`spend`).
         """
         masses, stopping = self.space.masses(state.density), self._sticking.stopping_cells(time, self.space)
         if state.spend(np.abs(masses[~stopping]).sum(), self._small):

@@ -122,7 +122,7 @@ class SurvivalResult(RowResult):
 
         @property
         def engine(self) -> str:
-            """Name of the engine."""
+            """Name of the engine with its method, for titles: "Fokker-Planck density" or "Monte Carlo exact"."""
 
         @property
         def deterministic(self) -> bool:

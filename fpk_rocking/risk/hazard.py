@@ -1,6 +1,6 @@
 """Seismic hazard: how often a year an intensity is exceeded, and integrals of a fragility over it.
 
-The integrals are annual rates, their limits, and what parts of them come from where.
+The integrals, for `rate`, are annual rates, their limits, and what parts of them come from which intensities.
 """
 
 import dataclasses

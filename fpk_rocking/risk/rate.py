@@ -253,7 +253,10 @@ class Risk(Result):
         }
 
     def dataset(self) -> Dataset:
-        """Return the `Dataset` of the disaggregation: share of the rate in each bin of intensity, "low" to "high"."""
+        """Return the `Dataset` of the disaggregation: "contribution" (b,), the share of the rate in each bin.
+
+        A row is a bin, from the intensity "low" to "high", in the unit of the curve's intensity measure.
+        """
         columns = {"low": self.edges[:-1], "high": self.edges[1:], "contribution": self.contribution}
         places = {"bin": np.arange(1, self.edges.size)}
         return Dataset({name: ("bin", values) for name, values in columns.items()}, places, ("bin",))

@@ -3,7 +3,7 @@
 A `Scene` may hold any finite numbers, and the analytics take them. An engine cannot: where the velocity is 1e17 times
 the cut-off the rounding of an angle is larger than the strip, with a phase of 1e16 nothing is left of the time beside
 it, and squares of 1e200 overflow. The bounds are far from anything that rocks, and everything within them was tried
-(docs/reliability.md). Other sizes are possible but hardly meant (`implausible`).
+(docs/reliability.md). Sizes that are possible but hardly meant get a remark, and are not refused (`implausible`).
 
 Results are for whole forcing cycles, or for times of their own where the forcing does not repeat (`result_times`), and
 joint densities have bins that cover what can be expected of the scene (`joint_edges`).

@@ -87,7 +87,8 @@ def _nondimensional_value(name, key, table, size):
 def nondimensional(key: str) -> str:
     """Return the key of the nondimensional quantity for which a key of a scene file stands: "band" for "band_hz".
 
-    A key without a unit is returned as it is.
+    "peak_acceleration" gives "amplitude", and "rms_acceleration" "variance". Any other key without a unit is returned
+    as it is, and so is "corner_hz", as a record is in seconds.
     """
     if key == "corner_hz":  # of a record, which is in seconds
         return key

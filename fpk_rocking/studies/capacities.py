@@ -234,7 +234,9 @@ class Capacities(NamedTuple):
     def moments(self, population: Array) -> tuple[float, float]:
         """Return median, in the unit of the intensity, and dispersion of the capacities.
 
-        They are by means and variances; where some capacities are not known exactly, they are medians of draws.
+        The dispersion is the whole one, of the logarithms: between motions, between blocks, and by noise. Both follow
+        from means and variances, and `population` is not read; where a capacity is not known exactly, they are medians
+        of draws.
 
         Parameters
         ----------

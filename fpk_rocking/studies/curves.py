@@ -216,7 +216,8 @@ def _engine(engine, scenes):
 def _options(engine, scenes, lasting, realizations, tol):
     """Return (options, realizations): a dict of options of the task, and the size (int) of a sample, 0 for a density.
 
-    `engine` is its name, `lasting` a dict with cycles or times, `tol` the wanted error of a density.
+    `engine` is its name, `scenes` are `Scene`s, `lasting` a dict with cycles or times, `realizations` (int) the wanted
+    size, of which 1 is left where no scene is random, `tol` the wanted error of the probabilities of a density.
     """
     if engine == "density":
         return lasting | {"tol": tol}, 0

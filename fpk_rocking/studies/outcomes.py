@@ -10,7 +10,8 @@ four in five are narrower than `FINE`, and two in five of all are missed. They c
 and on as the scan gets finer; taken for the capacity it makes a rate 1.8 to 2 times as large. So the critical scale is
 that from which the block overturns over a part of `FINE` at least (1.2 times; benchmarks/critical_search.py).
 
-Many blocks under one motion are followed from one set of tables a motion and size (`outcomes_of`).
+Many blocks under one motion are followed from one set of tables a motion and size (`outcomes_of`); `block_scene` says
+what scene the parameters of a block stand for.
 """
 
 import dataclasses
@@ -27,6 +28,7 @@ from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.scene import NoNoise
 from fpk_rocking.scene.parts import Block, Body, Overturning
+from fpk_rocking.scene.ranges import SETTLING
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 from fpk_rocking.studies.motions import intensity_of
@@ -47,9 +49,6 @@ CALM = 0.125
 
 SCATTERED, SHARED = "critical_angle", "frequency_parameter"
 """Parameter that differs from test to test, and the one whose equal values share the tables of a motion."""
-
-LASTS = 10.0
-"""Nondimensional time after a motion within which a block that overturns does so."""
 
 
 def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf) -> Array:
@@ -329,7 +328,7 @@ def _follower(first, motion):
     The blocks have the frequency parameter of that of the scene `first`.
     """
     first = dataclasses.replace(first, forcing=motion.for_size(first.block.size))
-    run = checked_run(first, None, None, 1, "exact", 200, times=[first.forcing.duration + LASTS])
+    run = checked_run(first, None, None, 1, "exact", 200, times=[first.forcing.duration + SETTLING])
     tables = engine_of(first, "exact").parameters_of(first, 200, run.times[1:])
     latest: dict[Any, Any] = {}
 

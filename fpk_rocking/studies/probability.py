@@ -1,4 +1,7 @@
-"""Probability of having overturned, by row, with its error: the result, and how many paths a wanted error needs."""
+"""Probability of having overturned, by time, with its error: the result, and the parts by which `overturning` gets it.
+
+The parts: how many paths a wanted error needs, their counts by side, a stop for a slow density, joined splittings.
+"""
 
 import dataclasses
 import math
@@ -25,7 +28,7 @@ GROWTH = 16
 
 
 class WantedError(NamedTuple):
-    """The error that is wanted: absolute, relative; 0 where none."""
+    """The error (95 %) that is wanted of a probability: absolute `tol`, relative `rtol`, each 0 where not asked for."""
 
     tol: float
     rtol: float
@@ -51,11 +54,11 @@ class WantedError(NamedTuple):
         return min(needed), max(needed)
 
     def _absolute(self, share: float) -> float:
-        """Return how many paths bring the error of a share to `tol`."""
+        """Return how many paths bring the error (95 %) of a probability `share` to `tol`; inf where `tol` is 0."""
         return 1.02 * share * (1.0 - share) * (QUANTILE / self.tol) ** 2 + QUANTILE**2 if self.tol else math.inf
 
     def _relative(self, share: float) -> float:
-        """Return how many paths bring the error of a share to `rtol` times it."""
+        """Return how many paths bring the error (95 %) of a `share` to `rtol` times it; inf where either is 0."""
         return (1.0 - share) / share * (QUANTILE / self.rtol) ** 2 if self.rtol and share else math.inf
 
     def next_stage(self, overturned: int, paths: int) -> int:

@@ -89,7 +89,7 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     (2, 2) {'forcing.amplitude': 4.6, 'noise.variance': 0.01}
     """
     checks.instance("scene", scene, Scene)
-    if not isinstance(axes, dict) or not axes:
+    if not isinstance(axes, Mapping) or not axes:
         raise TypeError(checks.refusal("axes", axes, 'a dict such as {"forcing.amplitude": [3.0, 4.0]}'))
     lists = {name: checks.several(f"axes[{name!r}]", values, most=100_000) for name, values in axes.items()}
     scenes = [scene]

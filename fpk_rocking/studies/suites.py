@@ -1,7 +1,7 @@
-"""Suites of motions: what their outcomes tell of a motion drawn from their population, and what speaks against it.
+"""Suites of motions: fields of a curve for a motion drawn from their population; and what speaks against a `Fragility`.
 
-The first is share, fit, limits and parts of the dispersion; the second the noise, missing answers, and fits that the
-data reject.
+The fields are share, fit, limits and parts of the dispersion. Diagnostics, for a single motion too, are of missing
+answers, noise, fits that the data reject, and curves that fall.
 """
 
 import math

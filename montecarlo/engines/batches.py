@@ -110,7 +110,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     parameters : tuple, optional
         What the engine's `parameters_of` makes of the scene, where the caller has it.
     followed : int, optional
-        How many of the realizations before `first` were followed on to the fall (`results.returns`); None follows none.
+        How many realizations before `first` were followed on to the fall (`Ensemble.returns`); None follows none.
 
     Yields
     ------

@@ -104,9 +104,9 @@ def _write_further(harmonics, values, sample, cycle, intervals, halvings):
 
 @kernel(fastmath={"contract"})
 def _write_chunk(harmonics, values):
-    """Write the next CHUNK samples about the centre of the harmonics, and keep the last WIDTH - 1 before them.
+    """Write the CHUNK samples of the noise about the centre of the harmonics, behind the last WIDTH - 1 samples.
 
-    `harmonics`: a `band.Realization`; `values`: (WIDTH - 1 + CHUNK,).
+    `harmonics`: a `band.Realization`, whose centre the caller moved; `values`: (WIDTH - 1 + CHUNK,), nondimensional.
     """
     for k in range(WIDTH - 1):
         values[k] = values[k + CHUNK]

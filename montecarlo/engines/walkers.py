@@ -70,7 +70,8 @@ class Population(NamedTuple):
 def allocate_population(walkers, steps):
     """Return the named tuple `Population` of a number of `walkers` without a record, for paths of so many `steps`.
 
-    Its arrays are (walkers, steps + 1) and the like; memory is touched as it fills.
+    Its records, (walkers, steps + 1) and with a third axis of 3, are not initialized: memory is touched as it fills.
+    All paths are unfinished, the weight is 1, and the counts are 0.
     """
     return Population(
         np.empty((walkers, steps + 1)),

@@ -1,4 +1,4 @@
-"""Counts of realizations: survival from them, which an ensemble and a tally have in common, and a tally's own sums.
+"""Counts of realizations: a tally's sums, and `Sample`, survival from counts, the base of an ensemble and a tally.
 
 Counts and sums over batches of realizations are integers, so that the order of adding them makes no difference. Counts
 are integers by nature. For the moments each state is rounded to whole multiples of a quantum, and the sums of

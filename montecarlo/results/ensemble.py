@@ -1,4 +1,7 @@
-"""Results that keep realizations: an ensemble, at the Poincaré points, and histories, with the impacts and between."""
+"""Results that keep every realization: an ensemble, its states after each cycle (or at given times), and histories.
+
+Histories have states within the cycles as well, and all impacts.
+"""
 
 import dataclasses
 import functools

@@ -292,7 +292,7 @@ class Chirp(TransientForcing):
         return np.where(on, self.amplitude, 0.0)[:, None] * sine.T
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the sweep with the amplitude multiplied by `strength` and frequencies by `rate`."""
+        """Return the `Chirp` with amplitude times `strength`, frequencies times `rate` and duration over `rate`."""
         frequencies = self.start_frequency * rate, self.end_frequency * rate
         return type(self)(strength * self.amplitude, *frequencies, self.duration / rate)
 

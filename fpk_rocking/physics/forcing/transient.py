@@ -222,5 +222,5 @@ class TransientForcing(Forcing):
 
 
 def _faded_sums(gains, fade):
-    """Return sums (n + 1) as a list from 0 on: each is `fade` times the last one and one of the `gains` (n,)."""
+    """Return n + 1 sums, a list of floats: the first is 0, each other is `fade` times the one before plus a gain."""
     return list(itertools.accumulate(gains.tolist(), lambda last, gain: last * fade + gain, initial=0.0))

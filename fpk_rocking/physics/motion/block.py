@@ -1,8 +1,9 @@
-"""A block in plain numbers, without a compiler: slender flights, what an exact block adds, and the separatrix.
+"""A block in plain numbers, without a compiler: flights, an exact block, forces of the floor, and the separatrix.
 
 With φ = α (1 - s x), gravity turns the block by -s sin φ/α in place of x - s, and the base by f cos φ in place of f; so
 x'' = x - s + f + δ, and the *exact correction* δ = -s [sin φ/α - (1 - s x)] - f (1 - cos φ) is a function of angle and
-time only. White noise is sqrt(2 D) cos φ dW. A critical angle of None or 0 is a slender block.
+time only. White noise is sqrt(2 D) cos φ dW. A critical angle of None or 0 is a slender block. Of unequal sides
+φ = α (m - s x), with m the |x| of unstable balance and κ a factor of both accelerations; of equal sides m = κ = 1.
 
 A flight of a slender block is a particular solution P of P'' = P + f and a flight without force. P is the bounded
 solution where it is said; every other one differs from it by a flight without force.

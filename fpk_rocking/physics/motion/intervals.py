@@ -1,4 +1,4 @@
-"""Motion over the intervals of a time grid, fast: a slender block through one; tables of an exact block's flights.
+"""Tables for the flights of an exact block over a duration, and a slender block through an interval of a grid, fast.
 
 An exact block flies by Gauss-Legendre collocation (`collocation`), with the tables made here, of the points and of
 flights over one duration.
@@ -6,8 +6,8 @@ flights over one duration.
 An impact of a slender block between two grid points is met by Halley's iteration on the flight written as a polynomial,
 and accepted only where a bound of the acceleration proves that it is the first event and the only one. Everything else,
 slow and repeated impacts, chatter, rest, lift-off, grazing and overturning, goes to `events.advance_through_events`. A
-flight is s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle here; `grow` and `decay` are passed
-as they are at the interval's begin and returned as they are at its end.
+flight is s + P(t) + grow e^t + decay e^-t. For a slender block times count from the interval's middle; `grow` and
+`decay` are passed as they are at the interval's begin and returned as they are at its end.
 """
 
 import functools

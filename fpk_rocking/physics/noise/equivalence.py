@@ -1,7 +1,7 @@
 """White noise that stands for band noise or filtered noise: equal variance of the Melnikov process.
 
 Noise seen along the heteroclinic orbit of the undamped, unforced block, M(τ₀) = ∫ K(τ) η(τ + τ₀) dτ with the kernel K
-of `physics.motion.separatrix`, has the variance σ_M² = ∫ G(ω) K̂(ω)² dω, with G the one-sided spectral density of η. A
+of `physics.motion.block`, has the variance σ_M² = ∫ G(ω) K̂(ω)² dω, with G the one-sided spectral density of η. A
 slender block has K = e^(-|τ|) and K̂ = 2/(1+ω²) (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
 
 What the replacement changes has to be measured. What may explain it is `relative_variance`, the part of the orbit's
