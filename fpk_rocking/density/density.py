@@ -26,6 +26,24 @@ class PlaneFunction:
     space: Space
     coefficients: np.ndarray
 
+    def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
+        """Evaluate the function at points.
+
+        Parameters
+        ----------
+        angle, velocity : array_like
+            Points, broadcast against each other; nondimensional.
+
+        Returns
+        -------
+        ndarray
+            Of the broadcast shape; 0 outside the mesh, nan where angle or velocity is nan. On a mesh line, as at angle
+            0 where a density jumps, it is the value on the upper side. Where the function is steep it may be slightly
+            below 0 or, a probability, above 1.
+        """
+        unknown = np.isnan(angle) | np.isnan(velocity)
+        return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
+
     @property
     def mesh_lines(self) -> tuple[Array, Array]:
         """Mesh lines (angle, velocity), arrays (angle cells + 1,) and (velocity cells + 1,), nondimensional."""
@@ -84,23 +102,6 @@ class Density(PlaneFunction):
     def __repr__(self) -> str:
         mass = float(self.space.masses(self.coefficients).sum())
         return f"<Density: probability {mass:.4f} on {self._cells_text} of degree {self.degree}>"
-
-    def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
-        """Evaluate the density at points.
-
-        Parameters
-        ----------
-        angle, velocity : array_like
-            Points, broadcast against each other; nondimensional.
-
-        Returns
-        -------
-        ndarray
-            Of the broadcast shape; 0 outside the mesh, nan where angle or velocity is nan. At angle 0, where the
-            density jumps, it is the value on the positive side.
-        """
-        unknown = np.isnan(angle) | np.isnan(velocity)
-        return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
 
     def bin_probabilities(self, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Integrate the density exactly over each of some bins.
@@ -281,20 +282,8 @@ class PlaneMap(PlaneFunction):
         return figure_of(values)
 
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
-        """Evaluate the function at points.
-
-        Parameters
-        ----------
-        angle, velocity : array_like
-            Points, broadcast against each other; nondimensional.
-
-        Returns
-        -------
-        ndarray
-            Of the broadcast shape; 0 outside the mesh, where a block has overturned. Where the function is steep it
-            may be slightly below 0 or, a probability, above 1. On a mesh line it is the value on the upper side.
-        """
-        values = self.space.evaluate(self.coefficients, angle, velocity)
+        """Evaluate the function at points, as `PlaneFunction`; single `starts` have their own values."""
+        values = super().__call__(angle, velocity)
         for x, v, value in self.starts:
             values = np.where((np.asarray(angle) == x) & (np.asarray(velocity) == v), value, values)
         return values

@@ -111,8 +111,7 @@ class FilteredStart:
     def resolution(self, time: float, space: Space) -> float:
         """Return the block's least standard deviation, of angle or velocity, in sizes of the mesh cell its mean is in.
 
-        It is a float, at a nondimensional `time` since τ = 0 and for known states of the noise; each of the two is
-        conditional on the other. The mesh is that of a `Space`; see `resolution_of`.
+        It is a float, at a nondimensional `time` since τ = 0, for known states of the noise; see `resolution_of`.
         """
         mean, covariance = self.at(time)
         return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)

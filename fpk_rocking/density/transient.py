@@ -338,8 +338,7 @@ class TransientPropagator(Propagator):
     def _stick(self, state, time):
         """Let those blocks of a `TransientState` stick that come to rest before the next lift-off; return None.
 
-        `time` τ, nondimensional, is that of the state, which is changed in place: their mass goes from its density to
-        `sticking`. All blocks stick where the mass of the others may be treated as small (`spend`).
+        `time` τ is the state's; its mass moves to `sticking` in place: all of it, where the others' is small (`spend`).
         """
         masses, stopping = self.space.masses(state.density), self._sticking.stopping_cells(time, self.space)
         if state.spend(np.abs(masses[~stopping]).sum(), self._small):

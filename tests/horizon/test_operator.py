@@ -162,6 +162,7 @@ def test_a_map_has_the_forward_value_at_rest_and_at_the_scene_s_own_start(operat
     assert chances([0.0, 0.3], [0.0, 0.4])[1] == pytest.approx(shifted.survival([4])[0], rel=1e-12)
     assert chances(0.0, 0.0) == pytest.approx(passage[1], abs=2e-3)
     assert chances(0.3, 0.4) == pytest.approx(chances(0.3 + 1e-9, 0.4), abs=5e-3)
+    assert np.isnan(chances([np.nan, 0.3, 0.3], [0.4, np.nan, 0.4])).tolist() == [True, True, False]
 
 
 def test_the_error_of_a_map_is_its_difference_from_the_coarser_mesh(operator):

@@ -201,6 +201,7 @@ def test_what_the_polynomial_of_filtered_noise_leaves_out_is_of_its_order(monkey
         _, angle = coupled(scene, 256, factor, 1, 200_000)
         errors.append(abs(np.mean(np.abs(angle[:, 1]) - np.abs(angle[:, 0]))))
     steps = np.diff(errors)
+    assert errors[0] < errors[1] < errors[2] < 3e-4
     assert math.log2(steps[1] / steps[0]) == pytest.approx(1.65, abs=0.5)
 
 

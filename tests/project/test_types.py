@@ -93,8 +93,8 @@ def bare_functions(body):
 
 
 def test_public_functions_of_what_mypy_checks_have_types():
-    files = list(checked_files())
-    assert len(files) > 60
+    files, packages = list(checked_files()), (ROOT / "fpk_rocking", ROOT / "montecarlo")
+    assert len(files) > 0.6 * sum(len(list(package.rglob("*.py"))) for package in packages)
     bare = {str(path): list(bare_functions(ast.parse(path.read_text(encoding="utf-8")).body)) for path in files}
     assert {name: untyped for name, untyped in bare.items() if untyped} == {}
 

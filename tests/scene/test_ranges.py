@@ -8,8 +8,8 @@ from fpk_rocking.scene.ranges import result_times
 
 
 def test_after_each_twentieth_of_a_motion_and_ten_later():
-    found, duration = result_times(PULSE), PULSE.forcing.duration
-    assert found == pytest.approx([*np.linspace(0.0, duration, 21), duration + 10.0])
+    times, duration = result_times(PULSE), PULSE.forcing.duration
+    assert times == pytest.approx([*np.linspace(0.0, duration, 21), duration + 10.0])
 
 
 def test_as_many_cycles_as_fit():
