@@ -17,7 +17,7 @@ from fpk_rocking import BandNoise, Scene
 from fpk_rocking.risk import Hazard, study
 from fpk_rocking.studies import critical_intensities
 from fpk_rocking.studies.outcomes import FINE, SETTLED, first_scale
-from montecarlo.engines.batches import ScaledPaths
+from montecarlo.engines.scaled_paths import ScaledPaths
 
 BLOCKS = (0.5, 1.8), (0.3, 1.5)
 SCAN, EXPONENT = 0.002, 3.0

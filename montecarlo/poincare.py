@@ -90,7 +90,7 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     _refuse_unknown_rule(overturned)
     cutoff = ensemble.scene.overturning.angle
     columns = zip(ensemble.angle.T, ensemble.velocity.T, strict=True)
-    rows = [_mean(angle, velocity, ensemble.overturn_side, cutoff, overturned) for angle, velocity in columns]
+    rows = [mean_state(angle, velocity, ensemble.overturn_side, cutoff, overturned) for angle, velocity in columns]
     return _mean_map(rows, cutoff, ensemble.deterministic)
 
 
@@ -153,8 +153,8 @@ def restarted_poincare_map(
     for cycle in range(cycles):
         angle, velocity, side = _cycle_images(run._replace(scene=dataclasses.replace(scene, start=place)), cycle)
         if cycle == 0:
-            rows.append(_mean(angle[:, 0], velocity[:, 0], side, cutoff, overturned))
-        rows.append(_mean(angle[:, 1], velocity[:, 1], side, cutoff, overturned))
+            rows.append(mean_state(angle[:, 0], velocity[:, 0], side, cutoff, overturned))
+        rows.append(mean_state(angle[:, 1], velocity[:, 1], side, cutoff, overturned))
         if progress is not None:
             progress(cycle + 1, cycles)
         mean = rows[-1][0]
@@ -225,7 +225,7 @@ def _cycle_images(run, cycle):
     return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 
-def _mean(angle, velocity, side, cutoff, overturned):
+def mean_state(angle, velocity, side, cutoff, overturned):
     """Return (mean, standard_error, counted) of states: mean (2,) of angle and velocity, its error (2,), their number.
 
     `angle`, `velocity` (n,), nondimensional, are nan after overturning, and then `side` (n,) is its side, -1 or 1.

@@ -33,8 +33,8 @@ from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 from fpk_rocking.studies.motions import intensity_of
 from montecarlo.engines import engine_of, task_of
-from montecarlo.engines.band_noise import scaled_parameters
-from montecarlo.engines.batches import Outcomes, ScaledPaths, checked_run, simulate_batches
+from montecarlo.engines.batches import checked_run, simulate_batches
+from montecarlo.engines.scaled_paths import Outcomes, ScaledPaths, scaled_parameters
 
 COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
 """Steps of the scan in the logarithm of the scale, and the width to which a jump is bracketed. FINE is COARSE halved

@@ -1,34 +1,25 @@
-"""The Monte Carlo engines, which integrate the realizations of a scene.
+"""The Monte Carlo engines, which integrate the realizations of a scene; listed here, and chosen for a scene.
 
-`engine` says what an engine is, and has the loop over time that all of them share; `batches` checks the parameters of a
-run and yields its realizations; `random` has the random numbers of each. The engines are `exact` and `rk4`, for band
-noise or none (`band_noise`), `white` (with `barriers`), and `filtered` (`filtered_noise`). This module lists them and
-chooses one for a scene. `walkers` has the kernels of `montecarlo.splitting`.
+`engine` says what an engine is and has the loop over time; `batches` checks the parameters of a run and yields its
+realizations; `random` has their random numbers. An engine is a file: `exact_slender`, `exact_enveloped` and
+`exact_block` (with `exact`, what they share) and `rk4`, for band noise or none (`band_noise`); `white` (with
+`barriers`); `filtered` (with `filtered_noise`). `walkers` has the kernels of `montecarlo.splitting`.
 """
 
 from fpk_rocking.base import checks, precompilation
-from montecarlo.engines import exact, filtered, rk4, white
+from montecarlo.engines import exact_block, exact_enveloped, exact_slender, filtered, rk4, white
 
-ENGINES = exact.SLENDER, exact.ENVELOPED, exact.EXACT_BLOCK, rk4.ENGINE, white.ENGINE, filtered.ENGINE
+ENGINES = tuple(module.ENGINE for module in (exact_slender, exact_enveloped, exact_block, rk4, white, filtered))
 """All engines. Of those that take a scene the first is the default; those of one method take different scenes."""
 
 
 def engines_for(scene, method=None):
-    """Return a list of the `Engine` objects that take a `Scene`, the default first.
-
-    `method`: a name, as "exact", to which they are restricted, or None for all; the list may be empty.
-    """
+    """Return the engines, of a method or of any, that take a scene, the default first; maybe none."""
     return [engine for engine in ENGINES if engine.takes(scene) and method in (None, engine.method)]
 
 
 def engine_of(scene, method=None):
-    """Return the `Engine` that simulates a `Scene` by a `method`, a name as "exact"; None: by the first that fits.
-
-    Raises
-    ------
-    ValueError
-        There is no such method, or it does not take the scene.
-    """
+    """Return the engine that simulates a scene by a method, by default the first that fits; ValueError for none."""
     engines = engines_for(scene, method)
     if engines:
         return engines[0]
@@ -44,8 +35,5 @@ def engine_of(scene, method=None):
 
 
 def task_of(engine, scene):
-    """Return the task that compiles `engine`, an `Engine`, for the block of a `Scene`: a text "module:function".
-
-    `fpk_rocking.base.precompilation` takes such texts.
-    """
+    """Return the task, a text for `precompilation`, that compiles an engine for the block of a scene."""
     return precompilation.task_for_block(f"fpk_rocking.least_runs:{engine.task}", scene)

@@ -1,6 +1,7 @@
 """A white-noise path near the barriers, x = 0 and the cut-off: steps as long as is safe, impacts, and low bounces.
 
-Folded, nondimensional coordinates as in `montecarlo.engines.white`, whose `Parameters` these kernels read.
+Folded, nondimensional coordinates u = s x, w = s v as in `montecarlo.engines.white`, whose parameters these kernels
+read. Times count from the beginning of an interval, at `origin` since τ = 0; overturned, u is at or above the cut-off.
 
 A block that rattles, or is pressed back where it landed, makes low bounces: each is one draw.
 From an impact that it leaves at speed w, under a pull g + a t back to x = 0, the block returns after T at speed v with
@@ -10,7 +11,7 @@ the density
 
 G = g T + a T^2 / 2: McKean's law of the first return of an integrated Brownian motion, which a pull linear in time
 changes by a factor of T and v alone (H. P. McKean, J. Math. Kyoto Univ. 2, 227-235, 1963; docs/theory, section 8).
-`first_return` draws from it without error. Folded coordinates, nondimensional, as in `montecarlo.engines.white`.
+`first_return` draws from it without error.
 """
 
 import math
@@ -37,10 +38,9 @@ from montecarlo.tuning import TUNING
 def safe_step(gap, slope, bend, reach, limit, shortest):
     """Return the longest step h, up to `limit`, in which a gap between folded angle and barrier stays open.
 
-    All are nondimensional floats: `gap` is now, `slope` its rate, `bend` a lower bound, <= 0, of its second derivative.
-    It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. With
-    bend <= 0 that is concave in h, so Newton's iteration comes down on the root from above; it stops once nine tenths
-    of `reach` are kept, or below `shortest`.
+    The gap has a rate `slope`, and its second derivative is at least `bend` <= 0. It is open while gap + slope h + bend
+    h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. That is concave in h, so Newton's iteration
+    comes down on the root from above; it stops once nine tenths of `reach` are kept, or below `shortest`.
     """
     h = limit
     root = math.sqrt(h)
@@ -64,14 +64,11 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 @kernel
 def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, origin):
-    """Return (u, w, side, time) right after the impact of a block that was drawn beyond x = 0, or just before it.
+    """Return (u, w, side, time) right after the impact of a block that was drawn at (u, w) for the time `end`.
 
-    (u, w) are the folded angle and velocity, s x and s v, drawn for the time `end`, and `side` is s, 1 or -1; without
-    an impact they are returned as they are. The impact lies on the parabola through the drawn state; where that has
-    none within the step from `start`, the motion since the impact is the drawn one scaled by the restitution, and the
-    time is `end`. Times count from the begin of the `Segment`, at `origin` since τ = 0; `latest` is the latest for an
-    impact: `end`, or that of a step that was to end with it. `impacts`: an `ImpactRecord`, or None for no record;
-    `parameters`: those of the engine `white`. All are nondimensional.
+    Without an impact they are returned as they are. The impact lies on the parabola through the drawn state; where that
+    has none from `start` to `latest`, the motion since the impact is the drawn one scaled by the restitution, and the
+    time is `end`. `latest` is `end`, or that of a step that was to end with the impact.
     """
     restitution = restitution_from(side, parameters.block)
     pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
@@ -92,11 +89,9 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
 
 @kernel(inline="always")
 def nystrom_step(u, w, side, begin, middle, end, h, block):
-    """Return (u, w) after a step of Nyström's method of order 4, and κ cos φ halfway: three floats, nondimensional.
+    """Return (u, w) after a step of Nyström's method of order 4, and κ cos φ halfway, the factor of the noise.
 
-    u = s x and w = s v are the folded angle and velocity, those passed are before the step, and `side` is s, 1 or -1;
-    `begin`, `middle`, `end` are the force f at these times, `h` the duration, `block` a `KernelBlock`. κ cos φ is the
-    factor of the noise. The method is that for forces which do not depend on the velocity.
+    The method is that for forces which do not depend on the velocity; these are at its beginning, middle and end.
     """
     first = acceleration(u, side, begin, block)
     halfway = u + 0.5 * h * (w + 0.25 * h * first)
@@ -108,22 +103,14 @@ def nystrom_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _slender_mean(x, v, side, segment, start, end, block):
-    """Return (angle, velocity, 1.0) of a slender block at `end` of a step without noise; 1 is the noise's factor.
-
-    (x, v), angle and velocity, are at `start`; both times count from the begin of the `Segment`. All are
-    nondimensional. `side` is 1 or -1, `block` a `KernelBlock`.
-    """
+    """Return (x, v, 1.0) of a slender block at `end` of a step without noise; 1 is the noise's factor."""
     x, v = slender_flight_end(x, v, side, segment, start, end, block)
     return x, v, 1.0
 
 
 @kernel(inline="always")
 def _exact_mean(x, v, side, segment, start, end, block):
-    """Return (angle, velocity, factor) of an exact block at `end` of a step without noise; the noise's is κ cos φ.
-
-    (x, v), angle and velocity, are at `start`; both times count from the begin of the `Segment`. All are
-    nondimensional. `side` is 1 or -1, `block` a `KernelBlock`.
-    """
+    """Return (x, v, κ cos φ) of an exact block at `end` of a step without noise."""
     begin, middle = value_and_slope(segment.force, start)[0], value_and_slope(segment.force, 0.5 * (start + end))[0]
     last = value_and_slope(segment.force, end)[0]
     u, w, strength = nystrom_step(side * x, side * v, side, begin, middle, last, end - start, block)
@@ -135,13 +122,7 @@ _mean = dispatch_on_block(_slender_mean, _exact_mean)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, impacts, origin):
-    """Take one step near a barrier in interval j, from `start` up to `limit`; return (u, w, side, time reached).
-
-    u = s x and w = s v are the folded angle and velocity, and `side` is s, 1 or -1, all nondimensional; u at or above
-    the cut-off of the block means overturned. Times count from the begin of the interval, whose `Segment` is the
-    forcing's and which is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None. `stream` (4,) uint64: state
-    of the random numbers; `parameters`: those of the engine `white`.
-    """
+    """Take one step near a barrier in interval j, from `start` up to `limit`; return (u, w, side, time reached)."""
     block, left, diffusion, reach = parameters.block, limit - start, parameters.diffusion[j], parameters.reach[j]
     cutoff = block.cutoff
     fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
@@ -171,16 +152,13 @@ def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, 
 
 @kernel
 def _mean_negative_part(ratio):
-    """Return the mean of max(-y, 0) for a normal number y of mean 1 and standard deviation 1/`ratio`, a float."""
+    """Return the mean of max(-y, 0) for a normal number y of mean 1 and standard deviation 1/`ratio`."""
     return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))
 
 
 @kernel
 def _draw_beyond(stream, ratio):
-    """Return a random number y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a `ratio` >= 0.
-
-    `stream` (4,) uint64: state of the random numbers, which is advanced.
-    """
+    """Draw y > 0 with the density y exp(-(y + ratio)^2 / 2), up to its factor, for a ratio >= 0."""
     while True:
         if ratio < 1.0:
             y = math.sqrt(-2.0 * math.log(1.0 - uniform(stream)))
@@ -194,26 +172,11 @@ def _draw_beyond(stream, ratio):
 
 @kernel
 def first_return(stream, speed, pull, growth, diffusion, least):
-    """Draw the time and the speed at which a block is back at x = 0; all are nondimensional.
+    """Draw the time until a block is back at x = 0, and its speed then; (inf, 0) where the pull has ended before.
 
-    Parameters
-    ----------
-    stream : ndarray of uint64, shape (4,)
-        State of the random numbers, which is advanced.
-    speed : float
-        At which it leaves, > 0.
-    pull, growth : float
-        The acceleration towards x = 0 is pull + growth t, pull > 0.
-    diffusion : float
-        D, of white noise of the correlation 2 D δ.
-    least : float
-        Lower bound, for all times that come up, of the mean of the arrival speed at a known time over its standard
-        deviation; with growth >= 0 the root of `speed` in units of D/pull.
-
-    Returns
-    -------
-    time, speed : float
-        Time since it left, and speed of arrival, > 0. (inf, 0) where the pull has ended before.
+    It leaves at a `speed` > 0; the acceleration towards x = 0 is pull + growth t, pull > 0. `least`: lower bound, for
+    all times that come up, of the mean of the arrival speed at a known time over its standard deviation; with growth >=
+    0 the root of `speed` in units of D/pull.
     """
     width, most = math.sqrt(8.0 / 3.0) * math.sqrt(diffusion), _mean_negative_part(least) if least < 8.0 else 0.0
     while True:
@@ -252,13 +215,10 @@ def first_return(stream, speed, pull, growth, diffusion, least):
 def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     """Draw a low bounce, from an impact at x = 0 in interval j to the next; return (speed, side, time) after it.
 
-    The block leaves at the speed `w` > 0 to its `side`, 1 or -1, at `time`; speed > 0, side and time returned are right
-    after the next impact. They are (w, 0, time), and nothing happens, where the bounce is not low enough, could last
-    beyond `until`, or meets a pull that changes too much for a linear one. All times count from the interval's begin,
-    at `origin` since τ = 0; all is nondimensional. The linear pull is that with the impulse and the first moment of the
-    forcing, a cubic through its values and slopes at the begin and at the middle of the flight, less the mean of the
-    angle. `impacts` is an `ImpactRecord` or None. `stream` (4,) uint64: state of the random numbers; `parameters`:
-    those of the engine `white`.
+    The block leaves at the speed `w` > 0. What is returned is (w, 0, time), and nothing happens, where the bounce is
+    not low enough, could last beyond `until`, or meets a pull that changes too much for a linear one. The linear pull
+    is that with the impulse and the first moment of the forcing, a cubic through its values and slopes at the beginning
+    and at the middle of the flight, less the mean of the angle.
     """
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, side, block)

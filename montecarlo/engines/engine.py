@@ -1,8 +1,8 @@
 """An engine of realizations, and the one loop over time of all engines.
 
 An engine knows how its noise is drawn and how a block moves over one interval of a time grid. `_simulate_path` carries
-a realization through the intervals, and `_simulate` does so for many realizations. In both, `engine` stands for the
-functions of the engine that they are compiled for.
+a realization through the intervals, `_simulate` many of them. In both, `engine` stands for the functions of the engine
+that they are compiled for.
 """
 
 import dataclasses
@@ -25,11 +25,8 @@ from montecarlo.tuning import TUNING
 
 
 @kernel(inline="always")
-def angle_and_velocity(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Return `state`, the tuple (angle, velocity) at an interval's end, of an engine whose state is just that.
-
-    They are nondimensional. The other arguments, those of `Engine.state_at_end`, are not used.
-    """
+def angle_and_velocity(state, _side, _number, _j, _parameters, _workspace):
+    """Return the state at an interval's end where it is (angle, velocity): `Engine.state_at_end`."""
     return state
 
 
@@ -44,47 +41,30 @@ class Engine:
     wanted at the end of the interval: `state_at_end`. An engine whose paths cannot be looked at within a step has
     `simulate_path` in place of all these from `begin` on.
 
-    `number` counts intervals from the begin of the run, and j from that of the table period, as the rows of the tables
-    do. A state is a tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest.
+    `number` counts intervals from the beginning of the run, and j from that of the table period, as the rows of the
+    tables do. A state is a tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest.
 
-    Attributes
-    ----------
-    method : str
-        Name by which a user asks for it.
-    task : str
-        Function of `fpk_rocking.least_runs` that compiles it.
-    file : str
-        Source file of its functions.
-    takes : callable
-        ``(scene)``: whether it simulates a scene.
-    parameters_of : callable
-        ``(scene, steps_per_cycle, times)``: what the other functions need, as a tuple of numbers and arrays, among them
-        `block`, a `KernelBlock`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are wanted,
-        since the begin of the table period.
-    workspace_of : callable
-        ``(parameters)``: arrays of a thread that the other functions write to, as a tuple.
-    begin : callable
-        ``(stream, cycle, parameters, workspace)``: draws the start, and the noise up to the cycle at which the run
-        begins; returns (angle, velocity) and the state.
-    draw : callable
-        ``(stream, number, j, cycle, parameters, workspace)``: draws, or computes, the noise in an interval.
-    try_step : callable
-        ``(state, side, number, j, parameters, workspace)``: whether an interval surely passes without an event, and the
-        state at its end if so.
-    build_force : callable
-        ``(number, j, parameters, workspace)``: writes the force in an interval as a polynomial.
-    step_with_events : callable
-        ``(state, end, side, number, j, share, cycle, parameters, workspace, impacts)``: carries a state through a share
-        of an interval, through impacts, rest, lift-off and overturning; `end` is what `try_step` has returned. Returns
-        state, side, and time of overturning, inf for none.
-    step_within : callable, optional
-        As `step_with_events`, for a share below 1 and to a state that begins with angle and velocity; by default that.
-    state_at_end : callable
-        ``(state, side, number, j, parameters, workspace)``: angle and velocity at the end of an interval.
-    simulate_path : callable, optional
-        ``(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept)``: as `_simulate_path`.
-    renews : bool
-        Whether a run that begins at another cycle has noise of its own, and not the same function of time.
+    * `method`: name by which a user asks for it; `task`: function of `fpk_rocking.least_runs` that compiles it; `file`:
+      source file of its functions.
+    * `takes(scene)`: whether it simulates a scene.
+    * `parameters_of(scene, steps_per_cycle, times)`: what the other functions need, as a tuple of numbers and arrays,
+      among them `block`, a `KernelBlock`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are
+      wanted, since the beginning of the table period; by default its end alone.
+    * `workspace_of(parameters)`: arrays of a thread that the other functions write to, as a tuple.
+    * `begin(stream, cycle, parameters, workspace)`: draws the start, and the noise up to the cycle at which the run
+      begins; returns (angle, velocity) and the state. A stream (4,) uint64 is the state of the random numbers.
+    * `draw(stream, number, j, cycle, parameters, workspace)`: draws, or computes, the noise in an interval.
+    * `try_step(state, side, number, j, parameters, workspace)`: whether an interval surely passes without an event, and
+      the state at its end if so.
+    * `build_force(number, j, parameters, workspace)`: writes the force in an interval as a polynomial.
+    * `step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts)`: carries a state
+      through a share of an interval, through impacts, rest, lift-off and overturning; `end` is what `try_step` has
+      returned, `impacts` an `ImpactRecord`. Returns state, side, and time τ of overturning, inf for none.
+    * `step_within`: as `step_with_events`, for a share below 1 and to a state that begins with angle and velocity; by
+      default that.
+    * `state_at_end(state, side, number, j, parameters, workspace)`: angle and velocity at the end of an interval.
+    * `simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept)`: as `_simulate_path`.
+    * `renews`: whether a run that begins at another cycle has noise of its own, and not the same function of time.
     """
 
     method: str
@@ -105,17 +85,14 @@ class Engine:
 
     @functools.cached_property
     def simulate(self):
-        """The function `_simulate` of this module, compiled for this engine: it simulates realizations into arrays."""
+        """The function `_simulate` of this module, compiled for this engine."""
         # In line with what allocates the workspace, the compiler knows that its arrays do not overlap.
         functions = vars(self) | {"step_within": self.step_within or self.step_with_events}
         path = self.simulate_path or self._compiled(_simulate_path, functions, inline="always")
         return self._compiled(_simulate, {**vars(self), "simulate_path": path})
 
     def _compiled(self, function, functions, **options):
-        """Return a compiled copy of `function`, one of this module, in which `engine` has these `functions`.
-
-        `functions`: a dict of callables by attribute name, as of an `Engine`; `options`: for the decorator `kernel`.
-        """
+        """Return a compiled copy of `function`, one of this module, in which `engine` has these `functions`."""
         module = types.ModuleType(self.task)
         vars(module).update(functions)
         copy = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{self.task}")
@@ -127,28 +104,12 @@ engine = types.ModuleType("engine")
 
 
 def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate realizations of some numbers, each from its own stream of random numbers, into arrays.
+    """Simulate the realizations with given numbers (count,), each from its own stream of random numbers, into arrays.
 
-    Times count from τ = 0, also where the run begins later. A realization depends on its keys and its number alone. All
-    is nondimensional.
-
-    Parameters
-    ----------
-    keys : ndarray of uint64, shape (4,)
-        From `montecarlo.engines.random.stream_keys`.
-    numbers : ndarray of int, shape (count,)
-        Numbers of the realizations.
-    cycle : int
-        Number of the table period at which the run begins, from the scene's start.
-    parameters : tuple
-        From the engine's `parameters_of`.
-    angle, velocity : ndarray, shape (count, periods * rows + 1)
-        Filled with the states at the begin and at the `rows` output times of each table period, up to overturning; nan
-        before the call.
-    overturn_time, overturn_side : ndarray, shape (count,)
-        Filled with the time τ (nan: never) and the side, -1 or 1 (0: never).
-    impacts : ImpactRecord of ndarray, shapes (count,), (count, capacity) and (count, capacity)
-        Filled with each realization's impacts; those beyond the capacity are counted and not kept.
+    `keys` (4,) uint64 are those of the seed. `angle`, `velocity` (count, periods * rows + 1), nan before, are filled at
+    the beginning and at the `rows` output times of each table period, up to overturning; `overturn_time`,
+    `overturn_side` (count,) with the time τ, nan for never, and -1, 1, or 0 for never; `impacts` with impacts up to its
+    capacity, all of which are counted. Times count from τ = 0, also where the run begins at a later `cycle`.
     """
     # A count of references would cost more than the steps.
     keys, numbers, parameters, angle, velocity, impacts = borrowed(
@@ -168,13 +129,10 @@ def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, 
 
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):
-    """Simulate one realization; return (time, side) of overturning: τ, or nan for never; -1 or 1, or 0 for never.
+    """Simulate one realization into `angle`, `velocity` (periods * rows + 1,); return (time, side) of overturning.
 
-    `stream` (4,) uint64: state of its random numbers; `cycle` (int): the one at which the run begins; `angle`,
-    `velocity` (periods * rows + 1,) are filled up to overturning, nondimensional, at the begin and at the `rows` output
-    times of each table period. `impacts`, an `ImpactRecord`, records its impacts, and `unkept`, one without room, those
-    on the way to a state within an interval: a record of another type would have all functions of the engine compiled
-    twice. `parameters` and `workspace` are the engine's own tuples, see `Engine`.
+    `impacts` records its impacts, and `unkept`, without room, those on the way to a state within an interval: a record
+    of another type would have all functions of the engine compiled twice.
     """
     intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)
@@ -215,11 +173,10 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
 
 
 class TimeGrid(NamedTuple):
-    """Equal intervals of the time that an engine's tables cover, the *table period*.
+    """Equal intervals of the table period: a cycle where the scene repeats, else the time up to the last output.
 
-    That is a cycle where the scene repeats, else the time up to the last output. `count`: intervals in it; `spacing`:
-    duration of one, nondimensional; `output_times` (rows,): times since its begin at which states are wanted, in
-    intervals, ascending, above 0 and at most `count`; one within rounding of a whole number is it.
+    `count`: intervals in it; `spacing`: duration of one; `output_times` (rows,): times since its beginning at which
+    states are wanted, in intervals, ascending; one within rounding of a whole number is it.
     """
 
     count: int
@@ -228,29 +185,19 @@ class TimeGrid(NamedTuple):
 
     @property
     def duration(self):
-        """Duration of the table period (float), nondimensional: `count` times `spacing`."""
+        """Duration of the table period."""
         return self.count * self.spacing
+
+    def with_all_ends(self):
+        """Return the grid with states wanted at the end of each interval, but in the last one at its last output."""
+        return self._replace(output_times=np.append(np.arange(1.0, self.count), self.output_times[-1]))
 
 
 def time_grid(scene, longest, times=None):
-    """Return the named tuple `TimeGrid` of a `Scene`: equal intervals of a table period, at most `longest` long each.
+    """Return the `TimeGrid` of a scene with intervals of at most `longest`, in each of which the forcing is one piece.
 
-    In each the forcing is one piece. The table period is a cycle where the scene repeats, else the time up to the end.
-    The wanted times need not lie on it; they are kept as positions in units of intervals.
-
-    Parameters
-    ----------
-    scene : Scene
-    longest : float
-        Longest interval, nondimensional.
-    times : ndarray, shape (rows,), optional
-        Times since the begin of the table period at which states are wanted, by default that of its end. The last one
-        ends it where the scene does not repeat.
-
-    Raises
-    ------
-    ValueError
-        There would be more than 2^22 intervals.
+    `times` (rows,) since the beginning of the table period, by default its end; the last one ends it where the scene
+    does not repeat. They need not lie on the grid.
     """
     rounding, most = 1e-9, TUNING.most_intervals
     times = np.array([scene.period]) if times is None else times

@@ -1,7 +1,7 @@
 """Filtered noise: its filter sampled exactly at grid times, and closed-form flights between located impacts.
 
-What is drawn of the noise over an interval of the grid is in `montecarlo.engines.filtered_noise`. It contains what the
-noise adds to a flight, so that a flight without an event is exact in law, however long the interval.
+What is drawn of the noise over an interval of the grid (`filtered_noise`) contains what the noise adds to a flight, so
+that a flight without an event is exact in law, however long the interval.
 
 Where a bound of the acceleration cannot exclude an event, the noise within the interval is needed: it is taken as a
 polynomial. Then `physics.motion.events.advance_through_events` follows the block through impacts, chatter, rest,
@@ -62,13 +62,13 @@ _USUAL_STEPS = 200
 """Default of `steps_per_cycle`, for which the limits of an interval in `TUNING` hold."""
 
 
-class Parameters(NamedTuple):
+class FilteredParameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
     `start` (5,): see `start_parameters`. `hyperbolic` (2,): cosh and sinh of an interval's duration. `noise`,
-    `envelope`: see `filtered_noise`. `forced` (m, TERMS): P of the forcing since the interval's begin, or the forcing
-    itself for an exact block; `low`, `high` (m,): bounds of the forcing; `drift` (m, 2): angle and velocity that it
-    adds to a flight. At the points of `physics.motion.collocation`: `pushes` (m, NODES), the forcing, `basis`
+    `envelope`: see `filtered_noise`. `forced` (m, TERMS): P of the forcing since the interval's beginning, or the
+    forcing itself for an exact block; `low`, `high` (m,): bounds of the forcing; `drift` (m, 2): angle and velocity
+    that it adds to a flight. At the points of `physics.motion.collocation`: `pushes` (m, NODES), the forcing, `basis`
     (d + 1, NODES), Bernstein polynomials, `strength_at_points` (m, NODES), the envelope; `steps`: its tables.
     """
 
@@ -98,11 +98,9 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the named tuple `Parameters` of a `Scene` with filtered noise; a realization does not depend on `times`.
+    """Return the parameters of a scene: `steps_per_cycle` times the filter's fastest rate sets the longest interval.
 
-    `steps_per_cycle` times the filter's fastest rate sets the longest interval; `times` (rows,), at which states are
-    wanted, are nondimensional and count from the begin of the table period (a cycle, or the whole time), by default its
-    end alone. ValueError where `steps_per_cycle` makes too many intervals with a filter of this rate.
+    ValueError where that makes too many intervals.
     """
     envelope, space = scene.noise.envelope, scene.noise.space
     rate = space.fastest * steps_per_cycle
@@ -120,17 +118,14 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def parameters_on_grid(scene, grid):
-    """Return the named tuple `Parameters` of a `Scene` with filtered noise for a `grid`, a `TimeGrid`.
-
-    The noise is drawn in the grid's intervals, and states are wanted at its `output_times`.
-    """
+    """Return the parameters of a scene with its noise drawn in the intervals of a grid."""
     span, envelope, degree = grid.spacing, scene.noise.envelope, polynomial_degree(scene.noise.space)
     begins = np.arange(grid.count) * span
     forced = scene.forcing.pieces(begins)
     force = force_series(forced)
     low, high = np.empty((2, grid.count))
     force_bounds(forced, span, low, high)
-    return Parameters(
+    return FilteredParameters(
         block_of_scene(scene),
         start_parameters(scene.start),
         grid,
@@ -150,18 +145,14 @@ def parameters_on_grid(scene, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the named tuple `Workspace` of a thread, of the sizes that the filter of `parameters` needs."""
+    """Return the `Workspace` of a thread."""
     rows = np.empty((3, TERMS))
     return Workspace(allocate_noise(parameters.noise), rows[0], rows[1], rows[2])
 
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
-    """Draw the start, and the noise up to the run's first `cycle`; return (angle, velocity) twice, also as the state.
-
-    They are nondimensional. `stream` (4,) uint64: state of the random numbers; `cycle`: an int. The noise is written to
-    `workspace.noise`. `parameters`, `workspace`: the engine's named tuples `Parameters` and `Workspace`.
-    """
+    """Draw the start, and the noise up to the run's first cycle."""
     state = draw_start(stream, parameters.start)
     draw_first_states(stream, parameters.noise, workspace.noise)
     for _ in range(cycle * parameters.grid.count):
@@ -170,21 +161,14 @@ def _begin(stream, cycle, parameters, workspace):
 
 
 @kernel(inline="always")
-def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw the noise of the next interval from `stream` (4,) uint64 into `workspace.noise`, a `NoiseWorkspace`.
-
-    `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `number`, j and `cycle` are not used.
-    """
+def _draw(stream, _number, _j, _cycle, parameters, workspace):
+    """Draw the noise of the next interval."""
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
 @kernel(inline="always")
-def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
-    """Return (angle, velocity, True) of a slender block at the end of interval j if it has no event; nondimensional.
-
-    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; j is the row of the tables. What the
-    noise adds is read from `workspace`. `parameters`, `workspace`: those of the engine; `block` is not used.
-    """
+def _fly_slender(x, v, side, j, parameters, workspace, _block):
+    """Return (x, v, True) of a slender block at the end of interval j if it has no event."""
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
     end, speed = homogeneous_flight(x - side, v, parameters.hyperbolic[0], parameters.hyperbolic[1])
     return end + side + parameters.drift[j, 0] + push, speed + parameters.drift[j, 1] + kick, True
@@ -192,11 +176,9 @@ def _fly_slender(x, v, side, j, parameters, workspace, block):  # noqa: ARG001
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _fly_exact(x, v, side, j, parameters, workspace, block):
-    """Return (angle, velocity, right) of an exact block at the end of interval j if it has no event; nondimensional.
+    """Return (x, v, right) of an exact block at the end of interval j if it has no event.
 
-    (x, v), angle and velocity, are at the interval's begin, `side` is 1 or -1; j is the row of the tables. `right` is
-    False where the envelope has a kink inside the interval, or collocation does not converge: the state is then of no
-    use. `parameters`, `workspace`: those of the engine, the second with the noise; `block`: a `KernelBlock`.
+    `right` is False where the envelope has a kink inside the interval, or collocation does not converge.
     """
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return x, v, False
@@ -217,23 +199,17 @@ _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 @kernel(inline="always")
 def _takes_parts(state, side, parameters):
-    """Whether a block is moved by the noise drawn anew in equal parts of an interval, as it is at rest or nearly so.
+    """Whether a block is moved by the noise drawn anew in parts of an interval, as it is at rest or nearly so.
 
-    `state`: (angle, velocity) at the interval's begin, nondimensional; `side`: 1, -1, or 0 at rest; `parameters`: the
-    engine's `Parameters`. Never so for noise that has a derivative.
+    Never so for noise that has a derivative.
     """
     parts = parameters.noise.parts
     return parts.gain.shape[0] > 0 and (side == 0 or abs(state[1]) < parts.slowest)
 
 
 @kernel(inline="always")
-def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Return whether interval j surely has no event (bool), and (angle, velocity) at its end if so.
-
-    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; j is the row of the tables.
-    The noise's Bernstein coefficients are written to `workspace.noise.bernstein`. `parameters`, `workspace`: the
-    engine's `Parameters` and `Workspace`; `number` is not used.
-    """
+def _try_step(state, side, _number, j, parameters, workspace):
+    """Whether interval j surely has no event, and the state at its end."""
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
     low, high = bound_noise(j, parameters.noise, parameters.envelope, workspace.noise, margin)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
@@ -246,14 +222,12 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 
 
 @kernel(fastmath={"contract"})
-def _build_force(number, j, parameters, workspace):  # noqa: ARG001
+def _build_force(_number, j, parameters, workspace):
     """Write P of forcing and noise in interval j to `workspace.particular`; for an exact block the force itself.
 
-    Under an envelope only the noise is written, to `workspace.noise.signal`. P solves P'' = P + f; all are coefficients
-    (TERMS,) of polynomials in the time since the interval's begin; j is the row of the tables.
+    Under an envelope only the noise is written, to `workspace.noise.signal`. Time counts from the interval's beginning.
     The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
     the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
-    `parameters`, `workspace`: those of the engine; `number` is not used.
     """
     write_polynomial(parameters.noise, workspace.noise)
     if parameters.envelope.strength.size == 0:
@@ -263,17 +237,14 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 
 
 @kernel(forceinline=True)
-def _respond_slender(force, particular, block):  # noqa: ARG001
-    """Write to `particular` (TERMS,) the P with P'' = P + f, P = P' = 0 at t = 0, of a `force` f (TERMS,).
-
-    Both are coefficients of powers of t. For a slender block; `block` is not used.
-    """
+def _respond_slender(force, particular, _block):
+    """Write the P with P'' = P + f, P = P' = 0 at t = 0, of a force f (TERMS,), for a slender block."""
     particular_from_rest(force, particular)
 
 
 @kernel(forceinline=True)
-def _respond_exact(force, particular, block):  # noqa: ARG001
-    """Copy the coefficients of a `force` (TERMS,) to `particular` (TERMS,), for an exact block; `block` is not used."""
+def _respond_exact(force, particular, _block):
+    """Copy the coefficients of a force, for an exact block."""
     for k in range(TERMS):
         particular[k] = force[k]
 
@@ -283,22 +254,14 @@ _write_particular = dispatch_on_block(_respond_slender, _respond_exact)
 
 @kernel(forceinline=True)
 def _advance_slender(x, v, side, start, end, span, workspace, impacts, origin, block):
-    """Carry a slender block from `start` to `end` under P in `workspace.particular`; return (x, v, side, time).
-
-    (x, v) are angle and velocity, `side` is 1, -1, or 0 at rest, all nondimensional; the time is that of overturning or
-    `end`. Times count from where the polynomial's do, at `origin` since τ = 0, and `span` is the largest of them;
-    `impacts` is an `ImpactRecord`, `block` a `KernelBlock`.
-    """
+    """Carry a slender block from `start` to `end` under P, good to `span`; return (x, v, side, time)."""
     segment = borrowed(segment_from_particular(workspace.particular, workspace.force, span))
     return advance_through_events(x, v, side, segment, start, end, block, impacts, origin)
 
 
 @kernel(forceinline=True)
 def _advance_exact(x, v, side, start, end, span, workspace, impacts, origin, block):
-    """Carry an exact block from `start` to `end` under the force in `workspace.particular`; return (x, v, side, time).
-
-    Arguments and result are as of `_advance_slender`: angle, velocity, side (0 at rest), and time reached.
-    """
+    """As `_advance_slender`, of an exact block under the force in `workspace.particular`."""
     return collocation.advance_collocated(workspace.particular, span, x, v, side, start, end, block, impacts, origin)
 
 
@@ -307,11 +270,10 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(fastmath={"contract"})
 def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
-    """Write P of forcing and noise, about a `time` in interval j, to `workspace.particular` (TERMS,).
+    """Write P of forcing and noise, or the force, to `workspace.particular`, by the time since a `time` in interval j.
 
-    For an exact block it is the force. It is a polynomial in the time since `time`, which counts from the interval's
-    begin. The noise's polynomial counts from the begin of its part, `since` before `time`; the envelope is `value` +
-    `slope` times the time since `time`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
+    The noise's polynomial counts from the beginning of its part, `since` before `time`; the envelope is `value` +
+    `slope` times the time since `time`.
     """
     particular, force, share = workspace.particular, workspace.force, workspace.share
     move_origin(workspace.noise.signal, since, share)
@@ -325,12 +287,9 @@ def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
 
 @kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
-    """Carry a block through interval j, by the parts of its noise and the pieces of the envelope.
+    """Carry a block from the beginning of interval j to `until`, by parts of its noise and pieces of the envelope.
 
-    It is carried from the interval's begin, at `origin` since τ = 0, to a time `until` since then. Return (x, v, side,
-    time): angle, velocity, side (1, -1, or 0 at rest) and the time, since that begin, of overturning or `until`; all
-    are nondimensional. `impacts` is an `ImpactRecord`. `parameters`, `workspace`: the engine's `Parameters` and
-    `Workspace`.
+    Return (x, v, side, time), the time of overturning or `until`.
     """
     noise, envelope, block = workspace.noise, parameters.envelope, parameters.block
     enveloped, count = envelope.strength.size > 0, 1
@@ -367,14 +326,8 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
 
 
 @kernel(inline="always")
-def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a `share`, up to 1, of interval j; return ((angle, velocity), side, time).
-
-    The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the interval's
-    begin, `side` 1, -1 or 0 at rest; `number` counts intervals from the begin of the run at `cycle`, j is the row of
-    the tables; `impacts` is an `ImpactRecord`, of times since τ = 0; `end` is not used. `parameters`, `workspace`: the
-    engine's `Parameters` and `Workspace`.
-    """
+def _step_with_events(state, _end, side, number, j, share, cycle, parameters, workspace, impacts):
+    """Carry a block through a share of interval j."""
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state
     if parameters.envelope.strength.size > 0 or _takes_parts(state, side, parameters):

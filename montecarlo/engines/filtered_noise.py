@@ -63,21 +63,20 @@ class NoiseTables(NamedTuple):
 
 
 def noise_tables(noise, span):
-    """Return the named tuple `NoiseTables` of a scene's `noise`, for intervals of a duration `span`; nondimensional."""
+    """Return the `NoiseTables` of a noise for intervals of a duration `span`."""
     space, sigma = noise.space, math.sqrt(noise.variance)
     move, spread = _law(space, span, sigma)
-    parts = _part_tables(space, span, sigma)
+    polynomial = _polynomial_tables(space, span, sigma)
     return NoiseTables(
-        np.linalg.cholesky(space.correlation), move, spread, *_polynomial_tables(space, span, sigma), parts
+        np.linalg.cholesky(space.correlation), move, spread, *polynomial, _part_tables(space, span, sigma)
     )
 
 
 def _law(space, span, sigma):
-    """Return `move` (n + 2, n) and `spread` (n + 2, n + 2) of `NoiseTables`, nondimensional.
+    """Return `move` (n + 2, n) and `spread` (n + 2, n + 2) of `NoiseTables`, for a filter of unit variance.
 
-    `space`: the filter of n states, a `StateSpace` of unit variance; `span`: the interval's duration; `sigma`: the
-    noise's standard deviation. Rows are the states, then angle and velocity of the flight. Time counts in intervals
-    within: every entry is then about 1 or less, and none lost in the rounding of another.
+    Rows are the states, then angle and velocity of the flight. Time counts in intervals within: every entry is then
+    about 1 or less, and none lost in the rounding of another.
     """
     n = space.order
     drift = np.zeros((n + 2, n + 2))
@@ -91,10 +90,7 @@ def _law(space, span, sigma):
 
 
 def _part_tables(space, span, sigma):
-    """Return the named tuple `PartTables` of equal parts of an interval of a duration `span`, nondimensional.
-
-    `space`: the filter, a `StateSpace` of unit variance; `sigma`: the noise's standard deviation.
-    """
+    """Return the `PartTables` of an interval; of no part for smooth noise."""
     n, count = space.order, 0 if space.smooth or sigma == 0.0 else TUNING.filtered_parts
     length = span / max(count, 1)
     move, spread = _law(space, length, sigma)
@@ -115,7 +111,7 @@ def _part_tables(space, span, sigma):
 
 
 def polynomial_degree(space):
-    """Return the degree (int), 3 or 5, of the polynomial that stands for noise of a `StateSpace` within an interval.
+    """Return the degree, 3 or 5, of the polynomial that stands for noise of a `StateSpace` within an interval.
 
     It has the values of the flight and of the noise at both ends, and of the noise's derivative where it has one.
     """
@@ -123,11 +119,7 @@ def polynomial_degree(space):
 
 
 def _polynomial_tables(space, span, sigma):
-    """Return `shape` (d + 1, 2n + 2) and `powers` (d + 1, d + 1) of `NoiseTables`, nondimensional.
-
-    `space`: the filter of n states, a `StateSpace` of unit variance; `span`: the interval's duration; `sigma`: the
-    noise's standard deviation. d is `polynomial_degree`.
-    """
+    """Return `shape` (d + 1, 2n + 2) and `powers` (d + 1, d + 1) of `NoiseTables`."""
     n, degree = space.order, polynomial_degree(space)
     shape = np.zeros((degree + 1, 2 * n + 2))
     shape[0, :n] = shape[degree, n : 2 * n] = sigma * space.output
@@ -148,10 +140,10 @@ def _polynomial_tables(space, span, sigma):
 
 
 def _response(degree, span, begin, end):
-    """Return an array (2, 2, degree + 1): angle [:, 0] and velocity [:, 1] that forces add to a flight.
+    """Return (2, 2, degree + 1): angle [:, 0] and velocity [:, 1] that forces add to a flight which ends at `span`.
 
     The forces act from `begin` to `end`: [0] the Bernstein polynomials of an interval [0, `span`], [1] these times the
-    time since `begin`. The flight ends at `span`. All is nondimensional.
+    time since `begin`.
     """
     points, weights = gauss_legendre(20, -1.0, 1.0)
     since = 0.5 * (end - begin) * (1.0 + points)
@@ -164,9 +156,9 @@ class EnvelopeTables(NamedTuple):
     """The envelope of the noise over m intervals, linear in pieces that end at its kinks; all empty without one.
 
     `first` (m + 1,): number of the first piece in each interval. `begins`, `ends` (pieces,): times since the interval's
-    begin. `strength` (pieces, 2): the envelope at a piece's begin and its slope. `strongest` (m,): its largest value in
-    an interval. `response` (m, 2, d + 1): angle and velocity that the Bernstein polynomials of degree d, times the
-    envelope, add to a flight.
+    beginning. `strength` (pieces, 2): the envelope at a piece's beginning, and its slope. `strongest` (m,): its largest
+    value in an interval. `response` (m, 2, d + 1): angle and velocity that the Bernstein polynomials of degree d, times
+    the envelope, add to a flight.
     """
 
     first: np.ndarray
@@ -178,10 +170,7 @@ class EnvelopeTables(NamedTuple):
 
 
 def envelope_tables(envelope, grid, degree):
-    """Return the named tuple `EnvelopeTables` of an `Envelope`, or of None, on a `grid`, a `TimeGrid`.
-
-    `degree`: that of the polynomials that stand for the noise, 3 or 5.
-    """
+    """Return the `EnvelopeTables` of an `Envelope`, or of None, on a grid, for noise of a `degree`."""
     if envelope is None:
         empty = np.empty(0)
         return EnvelopeTables(np.zeros(0, int), empty, empty, np.empty((0, 2)), empty, np.empty((0, 2, degree + 1)))
@@ -199,10 +188,10 @@ def envelope_tables(envelope, grid, degree):
 
 
 def _cut_at_kinks(kinks, count):
-    """Cut `count` intervals at the `kinks` (n,) inside them, ascending; return (first, owner, begins, ends).
+    """Cut `count` intervals at the kinks (n,) inside them, ascending; return (first, owner, begins, ends).
 
-    `first` (count + 1,): number of the first piece of each interval, and of pieces. For each piece, (pieces,): `owner`,
-    the number of its interval; its begin and end since that interval's begin. All times are in units of intervals.
+    `owner` (pieces,): number of a piece's interval; `begins`, `ends`: since its beginning. All times count in
+    intervals.
     """
     inside = kinks[(np.abs(kinks - np.rint(kinks)) > 1e-9) & (kinks > 0.0) & (kinks < count)]
     edges = np.sort(np.concatenate([np.arange(count), inside]))
@@ -213,10 +202,7 @@ def _cut_at_kinks(kinks, count):
 
 
 def _linear_pieces(envelope, begins, ends, span):
-    """Return (pieces, 2): the values of an `Envelope` at the begins of pieces, and its slopes there.
-
-    `begins`, `ends` (pieces,): times since τ = 0, in intervals of a duration `span`; the slopes are by τ.
-    """
+    """Return (pieces, 2): the envelope at the beginnings of pieces, in intervals since τ = 0, and its slopes by τ."""
     if len(envelope.kinks) == 0:
         values = envelope.value(span * begins)
         return np.stack([values, (envelope.value(span * ends) - values) / (span * (ends - begins))], axis=-1)
@@ -228,9 +214,9 @@ def _linear_pieces(envelope, begins, ends, span):
 class NoiseWorkspace(NamedTuple):
     """The noise in an interval, without the factor of its envelope, as far as a realization has come.
 
-    `drawn` (2n + 2,): the states at the begin and at the end of the interval, and the angle and velocity that the noise
+    `drawn` (2n + 2,): the states at the interval's beginning and at its end, and the angle and velocity that the noise
     adds to a flight over it. `normals` (n + 2,): scratch. `bernstein` (d + 1,): its Bernstein coefficients; `signal`
-    (TERMS,): its coefficients in the time since the interval's begin. `stream` (8,) uint64: random numbers of its
+    (TERMS,): its coefficients in the time since the interval's beginning. `stream` (8,) uint64: random numbers of its
     parts, and as far as these are drawn; `parts` (m, 2n + 2): what `drawn` is, for each of them.
     """
 
@@ -244,7 +230,7 @@ class NoiseWorkspace(NamedTuple):
 
 @kernel
 def allocate_noise(tables):
-    """Return the named tuple `NoiseWorkspace`, arrays of the sizes that `tables`, `NoiseTables`, need."""
+    """Return the `NoiseWorkspace` for some `NoiseTables`."""
     n, terms = tables.stationary.shape[0], tables.powers.shape[0]
     parts = np.zeros((tables.parts.gain.shape[0], 2 * n + 2))
     words = np.zeros(8, np.uint64)
@@ -253,10 +239,7 @@ def allocate_noise(tables):
 
 @kernel
 def draw_first_states(stream, tables, noise):
-    """Draw the filter's n states at τ = 0 into `noise.drawn[n:2 * n]`; `noise` is a `NoiseWorkspace`.
-
-    `stream` (4,) uint64: state of the random numbers, which is advanced; `tables`: `NoiseTables`.
-    """
+    """Draw the filter's n states at τ = 0 into `noise.drawn[n:2 * n]`."""
     drawn, normals, n = noise.drawn, noise.normals, tables.stationary.shape[0]
     for i in range(n):
         normals[i] = normal(stream)
@@ -267,11 +250,9 @@ def draw_first_states(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def draw_next_interval(stream, tables, noise):
-    """Draw the filter's states at the end of the next interval, and what the noise adds to a flight over it.
+    """Draw the next interval into `noise.drawn` (2n + 2,), whose last states become the first.
 
-    They are written to `noise.drawn` (2n + 2,), whose last states become the first; `noise` is a `NoiseWorkspace`.
-    `stream` (4,) uint64: state of the random numbers, which is advanced; `tables`: `NoiseTables`. Where the interval
-    has parts, the random numbers for them are set up in `noise.stream`.
+    Where the interval has parts, the random numbers for them are set up in `noise.stream`.
     """
     drawn, n = noise.drawn, tables.stationary.shape[0]
     for i in range(n):
@@ -284,11 +265,7 @@ def draw_next_interval(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _draw_ends(stream, move, spread, drawn, normals):
-    """Write to `drawn[n:]` the filter's n states at an end, and what the noise adds to a flight's angle and velocity.
-
-    `drawn` (2n + 2,) has in its first n the states at the begin. `move`, `spread`: as of `NoiseTables`; `normals`
-    (n + 2,): scratch; `stream` (4,) uint64: state of the random numbers, which is advanced.
-    """
+    """Draw the states at an end, and what the noise adds to a flight, into `drawn[n:]`, from the states `drawn[:n]`."""
     n = move.shape[1]
     for i in range(n + 2):
         normals[i] = normal(stream)
@@ -303,10 +280,7 @@ def _draw_ends(stream, move, spread, drawn, normals):
 
 @kernel(fastmath={"contract"})
 def draw_parts(tables, noise):
-    """Draw the noise in the m parts of an interval, given what was drawn for it, into `noise.parts` (m, 2n + 2).
-
-    `noise` is a `NoiseWorkspace`, `tables` are `PartTables`. Called again for the interval it draws the same.
-    """
+    """Draw the parts of an interval into `noise.parts`, given what was drawn for it; the same if called again."""
     rows, drawn, missing, n = noise.parts, noise.drawn, noise.normals, noise.normals.size - 2
     x, v, stream = 0.0, 0.0, noise.stream[4:]
     stream[:] = noise.stream[:4]
@@ -331,10 +305,9 @@ def draw_parts(tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
-    """Write the coefficients `shape` (d + 1, 2n + 2) @ `drawn` (2n + 2,) to `bernstein` (d + 1,); return two bounds.
+    """Write `shape` @ `drawn` to `bernstein` (d + 1,); return bounds (low, high) of the noise times its envelope.
 
-    These are (low, high) of the noise times the `envelope`, its `EnvelopeTables`, in interval j, nondimensional: the
-    polynomial lies between its coefficients, and the noise not farther from it than a `margin`.
+    The polynomial lies between its coefficients, and the noise not farther from it than a `margin`.
     """
     low, high = math.inf, -math.inf
     for i in range(bernstein.size):
@@ -352,31 +325,19 @@ def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def bound_noise(j, tables, envelope, noise, margin):
-    """Write the noise in interval j, without the factor of its envelope, as Bernstein coefficients; return its bounds.
-
-    The coefficients are made of `noise.drawn` and written to `noise.bernstein` (d + 1,); `noise` is a `NoiseWorkspace`.
-    The bounds (low, high), nondimensional, are with the envelope, for noise not farther from its polynomial than a
-    `margin`. `tables`: `NoiseTables`; `envelope`: `EnvelopeTables`.
-    """
+    """Write the noise in interval j to `noise.bernstein`; return its bounds, with the envelope and a `margin`."""
     return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)
 
 
 @kernel(fastmath={"contract"})
 def bound_part(j, k, tables, envelope, noise):
-    """Write the noise in part k of interval j to `noise.bernstein` (d + 1,); return its bounds (low, high).
-
-    As `bound_noise`, without a margin; `noise.parts[k]` is read, and `tables` are `PartTables`.
-    """
+    """As `bound_noise`, in part k of interval j, without a margin."""
     return _write_bernstein(j, tables.shape, noise.parts[k], noise.bernstein, 0.0, envelope)
 
 
 @kernel(fastmath={"contract"})
 def write_polynomial(tables, noise):
-    """Write to `noise.signal` (TERMS,) the polynomial with the Bernstein coefficients `noise.bernstein` (d + 1,).
-
-    `noise` is a `NoiseWorkspace`; `tables` are `NoiseTables`, or `PartTables` for a part of the interval. The
-    coefficients are of powers of the time since the begin of the interval or part, and 0 above the degree d.
-    """
+    """Write the polynomial in `noise.bernstein` to `noise.signal` (TERMS,); `tables` are of an interval or a part."""
     signal, bernstein = noise.signal, noise.bernstein
     signal[:] = 0.0
     for k in range(bernstein.size):
@@ -386,10 +347,7 @@ def write_polynomial(tables, noise):
 
 @kernel(forceinline=True)
 def response_to_noise(j, envelope, noise):
-    """Return (angle, velocity) that the noise adds to a flight of a slender block over interval j; nondimensional.
-
-    `envelope`: `EnvelopeTables`; `noise`: a `NoiseWorkspace` with the interval's noise.
-    """
+    """Return (angle, velocity) that the noise adds to a flight of a slender block over interval j."""
     n = noise.drawn.size - 2
     if envelope.response.size == 0:
         return noise.drawn[n], noise.drawn[n + 1]

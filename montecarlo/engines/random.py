@@ -1,13 +1,10 @@
 """Random numbers: those of realization number r are a function of the seed, the starting cycle and r alone.
 
 `stream_keys` makes four keys of the seed, `keys_at` others for a run that begins later, if its engine renews the noise
-there. `open_stream` makes of the keys and r the state of a generator of its own, and every random number of that
-realization is drawn from this state in a fixed order: first the start (`draw_start`), then the noise. So a
-realization is the same however many others there are, and whichever thread computes it.
-
-`batches.simulate_batches` makes the keys, those of the starting cycle for engines that say that they renew their noise
-(`Engine.renews`), and `engine._simulate` opens a stream for each realization. Splitting opens one for each walker that
-it continues, and one more for each repeat (`walkers.simulate_splitting`).
+there (`Engine.renews`). `open_stream` makes of the keys and r the state of a generator of its own, and every random
+number of that realization is drawn from this state in a fixed order: first the start (`draw_start`), then the noise. So
+a realization is the same however many others there are, and whichever thread computes it. Splitting opens a stream for
+each walker that it continues, and one more for each repeat.
 
 Generator: xoshiro256++ (D. Blackman, S. Vigna, ACM Trans. Math. Softw. 47(4), 36, 2021). A stream's four words of
 state are hashes (the finalizer of splitmix64) of the realization's number under the four keys, so no two realizations
@@ -22,11 +19,11 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 
 _GOLDEN = 0x9E3779B97F4A7C15
-_TAIL = 3.6541528853610088  # begin of the last layer
+_TAIL = 3.6541528853610088  # where the last layer begins
 
 
 def _ziggurat():
-    """Return two arrays: right ends (257,) of the layers, widest first; fraction (256,) of each inside the next."""
+    """Return the right ends (257,) of the layers, widest first, and the fraction (256,) of each inside the next."""
     ends, area = np.zeros(257), 0.00492867323399  # of each layer
     density = math.exp(-0.5 * _TAIL**2)
     ends[0], ends[1] = area / density, _TAIL
@@ -41,23 +38,20 @@ _ENDS, _INSIDE = _ziggurat()
 
 @kernel
 def hash_word(word):
-    """Return a hash of a `word`, both uint64 (the finalizer of splitmix64, a bijection)."""
+    """Return the hash of a word, both uint64."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
 
 
 def stream_keys(seed):
-    """Return the four keys (4,) uint64 of a seed, an int from 0 to 2**64 - 1."""
+    """Return the four keys (4,) uint64 of a seed, from 0 to 2**64 - 1."""
     return np.array([hash_word(np.uint64((seed + i * _GOLDEN) & (2**64 - 1))) for i in range(1, 5)], dtype=np.uint64)
 
 
 @kernel
 def keys_at(keys, cycle):
-    """Return the keys (4,) uint64 of paths that begin at a `cycle`, a number counted from the scene's start, 0.
-
-    At cycle 0 they are `keys` (4,) uint64 themselves, those of the seed; at another, hashes of both.
-    """
+    """Return the keys of paths that begin at a cycle: those of the seed at cycle 0, else hashes of both."""
     if cycle == 0:
         return keys
     moved = np.empty_like(keys)
@@ -68,10 +62,7 @@ def keys_at(keys, cycle):
 
 @kernel
 def open_stream(keys, realization):
-    """Return the first state (4,) uint64 of the generator of a realization, by its number (int, at least 0).
-
-    `keys` (4,) uint64 are those of a seed, from `stream_keys`.
-    """
+    """Return the first state (4,) uint64 of the generator of a realization, by its number."""
     name = hash_word(np.uint64(realization) + np.uint64(_GOLDEN))
     state = np.empty(4, np.uint64)
     for i in range(4):
@@ -81,7 +72,7 @@ def open_stream(keys, realization):
 
 @kernel(inline="always")
 def _advance_generator(s0, s1, s2, s3):
-    """Return (bits, s0, s1, s2, s3), all uint64: 64 random bits and the next state of a generator in state s0 to s3."""
+    """Return 64 random bits and the next state of a generator."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     s2 ^= s0
@@ -91,17 +82,14 @@ def _advance_generator(s0, s1, s2, s3):
 
 @kernel
 def next_word(state):
-    """Return 64 random bits (uint64) and advance the `state` (4,) uint64 of a stream."""
+    """Return 64 random bits and advance the state of a stream."""
     word, state[0], state[1], state[2], state[3] = _advance_generator(state[0], state[1], state[2], state[3])
     return word
 
 
 @kernel
 def uniform_pairs(state, first, second, count):
-    """Write `count` numbers in [0, 1) to each of `first` and `second`, in turn: those of as many calls of `uniform`.
-
-    Both are arrays (count,) or longer. The `state` (4,) uint64 of a stream is advanced.
-    """
+    """Write `count` uniform numbers to each of `first` and `second`, in turn."""
     s0, s1, s2, s3 = state[0], state[1], state[2], state[3]
     for n in range(count):
         word, s0, s1, s2, s3 = _advance_generator(s0, s1, s2, s3)
@@ -113,13 +101,13 @@ def uniform_pairs(state, first, second, count):
 
 @kernel
 def uniform(state):
-    """Return a float, uniform in [0, 1), a multiple of 2**-53, and advance the `state` (4,) uint64 of a stream."""
+    """Return a number, uniform in [0, 1), a multiple of 2**-53."""
     return float(next_word(state) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel(forceinline=True)
 def normal(state):
-    """Return a standard normal number (float), and advance the `state` (4,) uint64 of a stream."""
+    """Return a standard normal number."""
     while True:
         word = next_word(state)
         layer = np.int64(word & np.uint64(255))
@@ -137,7 +125,7 @@ def normal(state):
 
 @kernel
 def _tail(state):
-    """Return a standard normal number, given that it is above `_TAIL`; the `state` (4,) uint64 is advanced."""
+    """Return a standard normal number, given that it is above `_TAIL`."""
     while True:
         x = math.log(1.0 - uniform(state)) / _TAIL
         y = math.log(1.0 - uniform(state))
@@ -146,20 +134,14 @@ def _tail(state):
 
 
 def start_parameters(start):
-    """Return an array (5,): angle and velocity of a `Start`, and xx, vx, vv of a factor of their covariance.
-
-    The factor is the lower Cholesky factor [[xx, 0], [vx, vv]], 0 for a point. All are nondimensional.
-    """
+    """Return (5,): angle and velocity of a `Start`, and xx, vx, vv of its covariance's Cholesky factor."""
     spread = np.zeros((2, 2)) if start.covariance is None else np.linalg.cholesky(np.array(start.covariance))
     return np.array([start.angle, start.velocity, spread[0, 0], spread[1, 0], spread[1, 1]])
 
 
 @kernel
 def draw_start(stream, start):
-    """Return (angle, velocity) at τ = 0, nondimensional, drawn by the numbers `start` (5,) of `start_parameters`.
-
-    `stream` (4,) uint64: state of the random numbers, which is advanced; a start at a point takes none.
-    """
+    """Return (angle, velocity) at τ = 0; a start at a point takes no random numbers."""
     angle, velocity, xx, vx, vv = start
     if xx > 0.0:
         first, second = normal(stream), normal(stream)

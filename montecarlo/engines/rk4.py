@@ -1,8 +1,8 @@
 """Classical Runge-Kutta of order 4 with Shinozuka noise: the paper's method.
 
-Steps of T/n see the forcing at their begin, middle and end. Between impacts the motion of a slender block is linear, so
-the four stages add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or uplift
-cannot be excluded takes the forcing as the parabola through its three values and follows the block without error
+Steps of T/n see the forcing at their beginning, middle and end. Between impacts the motion of a slender block is
+linear, so the four stages add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or
+uplift cannot be excluded takes the forcing as the parabola through its three values and follows the block without error
 (`fpk_rocking.physics`): impacts, chatter, rest and first passage are located there, and order 4 is kept because such
 steps are few.
 """
@@ -30,11 +30,11 @@ from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import start_parameters
 
 
-class Parameters(NamedTuple):
+class RungeKuttaParameters(NamedTuple):
     """A scene in numbers, nondimensional.
 
-    `start` (5,): see `start_parameters`. `forcing` (n, 3): its values at the begin, the middle and the end of the n
-    steps of a table period. `strength` (n, 3): the noise's envelope there.
+    `start` (5,): see `start_parameters`. `forcing`, `strength` (n, 3): the forcing and the noise's envelope at the
+    beginning, the middle and the end of the n steps of a table period.
     """
 
     block: KernelBlock
@@ -48,9 +48,9 @@ class Parameters(NamedTuple):
 class Workspace(NamedTuple):
     """Arrays of a thread: the noise, and the force in a chunk of m steps with what RK4 makes of it.
 
-    `noise` (2 m + 1,) at the half steps; `force` (m, 3) with it at begin, middle and end of the steps; `low`, `high`
-    (m,) bound the parabola through the three values of a step; `push` (m, 2) is the forcing's contribution to angle and
-    velocity of a slender block over a step. `particular`, `scratch` (TERMS,) are arrays of a `Segment`.
+    `noise` (2 m + 1,) at the half steps; `force` (m, 3) with it at the three times of the steps; `low`, `high` (m,):
+    bounds of the parabola through these; `push` (m, 2): what the force adds to angle and velocity of a slender block.
+    `particular`, `scratch` (TERMS,) are arrays of a `Segment`.
     """
 
     harmonics: band.Realization
@@ -64,14 +64,9 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the named tuple `Parameters` of a `Scene` with band noise or none.
-
-    `steps_per_cycle` sets the step. `times` (rows,), at which states are wanted, are nondimensional and count from the
-    begin of the table period (a cycle, or the whole time), by default its end alone; a realization does not depend on
-    them.
-    """
+    """Return the parameters of a scene with steps of 1/`steps_per_cycle` of the forcing's time scale."""
     grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
-    return Parameters(
+    return RungeKuttaParameters(
         block_of_scene(scene),
         start_parameters(scene.start),
         grid,
@@ -82,10 +77,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def _envelope_values(envelope, grid):
-    """Return an array (count, 3), an `Envelope` at the begin, the middle and the end of each step of a `TimeGrid`.
-
-    It is 1 for an `envelope` of None.
-    """
+    """Return the envelope at the three times of each step of a grid, (count, 3); 1 without one."""
     if envelope is None:
         return np.ones((grid.count, 3))
     places = np.arange(grid.count)[:, None] + np.array([0.0, 0.5, 1.0])
@@ -94,10 +86,7 @@ def _envelope_values(envelope, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the named tuple `Workspace` of a thread: arrays for all harmonics, and for a chunk of 20 steps at most.
-
-    `parameters`: the engine's `Parameters`.
-    """
+    """Return the `Workspace` of a thread, for a chunk of 20 steps at most."""
     n = parameters.grid.count
     chunks = (n + 19) // 20  # of 20 steps at most: noise that is made for an overturned block is in vain
     length = (n + chunks - 1) // chunks
@@ -114,12 +103,8 @@ def workspace_of(parameters):
 
 
 @kernel(inline="always")
-def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
-    """Draw start and noise from `stream` (4,) uint64; return (angle, velocity) twice, also as the state.
-
-    They are nondimensional. The harmonics, and the rotations by which they are sampled, are written to
-    `workspace.harmonics`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `cycle` is not used.
-    """
+def _begin(stream, _cycle, parameters, workspace):
+    """Draw start and noise, and write the rotations by which the harmonics are sampled."""
     n, length, harmonics = parameters.grid.count, workspace.low.size, workspace.harmonics
     state = draw_start_and_noise(stream, parameters.start, parameters.band, harmonics)
     band.write_sample_rotations(harmonics, length, 0.5 / n)
@@ -130,25 +115,15 @@ def _begin(stream, cycle, parameters, workspace):  # noqa: ARG001
 
 
 @kernel(forceinline=True)
-def _draw(stream, number, j, cycle, parameters, workspace):  # noqa: ARG001
-    """Write the force in the chunk of steps that begins with step j to `workspace`; nothing if j is within a chunk.
-
-    Its bounds and what it adds to each step are written too, see `_write_chunk`. `number` counts steps from the begin
-    of the run at `cycle`, j from that of the table period; `stream` is not used. `parameters`, `workspace`: the
-    engine's `Parameters` and `Workspace`.
-    """
+def _draw(_stream, number, j, cycle, parameters, workspace):
+    """Write the force in the chunk of steps that begins with step j, if one does."""
     if j % workspace.low.size == 0:
         _write_chunk(number, j, cycle, parameters, workspace)
 
 
 @kernel
 def _write_chunk(number, first, cycle, parameters, workspace):
-    """Write the force in a chunk of m steps, its bounds, and what it adds to each step, to arrays of `workspace`.
-
-    They are `noise` (2 m + 1,), `force` (m, 3), `low`, `high` (m,) and `push` (m, 2), nondimensional. `first` is the
-    chunk's first step, from the begin of the table period; `number` the same from that of the run, which begins at
-    `cycle`. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
-    """
+    """Write the force in the chunk from step `first` of the table period on, its bounds, and what it adds."""
     n, length, harmonics, h = parameters.grid.count, workspace.low.size, workspace.harmonics, parameters.grid.spacing
     cycle += number // n
     if number == 0 or (first == 0 and cycle % band.ANCHOR_CYCLES == 0):
@@ -169,12 +144,8 @@ def _write_chunk(number, first, cycle, parameters, workspace):
 
 
 @kernel(inline="always")
-def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
-    """Return (angle, velocity) of a slender block after step k of a chunk, of duration h, without an event.
-
-    (x, v), angle and velocity, are before the step, and `side` is 1 or -1; all is nondimensional. What the force adds
-    is `workspace.push`; `workspace` is the engine's `Workspace`, and `block` is not used.
-    """
+def _slender_step(x, v, side, k, h, workspace, _block):
+    """Return (angle, velocity) of a slender block after step k of a chunk without an event."""
     keep, swap, share = runge_kutta_coefficients(h)
     return keep * x + swap * v + workspace.push[k, 0] - side * share, swap * x + keep * v + workspace.push[
         k, 1
@@ -183,11 +154,7 @@ def _slender_step(x, v, side, k, h, workspace, block):  # noqa: ARG001
 
 @kernel(inline="always")
 def classical_step(u, w, side, begin, middle, end, h, block):
-    """Return (u, w) after a step of duration h of the classical Runge-Kutta method of order 4, without an event.
-
-    u = s x and w = s v are the folded angle and velocity, those passed are before the step, and `side` is s, 1 or -1;
-    `begin`, `middle`, `end` are the force f at these times, `block` a `KernelBlock`. All is nondimensional.
-    """
+    """Return the folded (u, w) after a classical Runge-Kutta step, by the forces at its three times."""
     half = 0.5 * h
     first = acceleration(u, side, begin, block)
     second = acceleration(u + half * w, side, middle, block)
@@ -198,11 +165,7 @@ def classical_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _exact_step(x, v, side, k, h, workspace, block):
-    """Return (angle, velocity) of an exact block after step k of a chunk, of duration h, without an event.
-
-    (x, v), angle and velocity, are before the step, and `side` is 1 or -1; all is nondimensional. The force is
-    `workspace.force`; `workspace` is the engine's `Workspace`, and `block` a `KernelBlock`.
-    """
+    """Return (angle, velocity) of an exact block after step k of a chunk without an event."""
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     u, w = classical_step(side * x, side * v, side, begin, middle, end, h, block)
     return side * u, side * w
@@ -212,12 +175,8 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
-    """Return whether step j of the table period surely has no event (bool), and (angle, velocity) at its end if so.
-
-    `state` is (angle, velocity) at its begin, nondimensional, `side` 1, -1 or 0 at rest; `number` is not used.
-    `parameters`, `workspace`: the engine's `Parameters` and `Workspace`.
-    """
+def _try_step(state, side, _number, j, parameters, workspace):
+    """Whether step j surely has no event, and the state at its end."""
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
         return not can_lift_off(workspace.low[k], workspace.high[k], parameters.block), state
@@ -230,12 +189,8 @@ def _try_step(state, side, number, j, parameters, workspace):  # noqa: ARG001
 
 
 @kernel
-def _build_force(number, j, parameters, workspace):  # noqa: ARG001
-    """Write P of the force f in step j of the table period to `workspace.particular` (TERMS,), coefficients.
-
-    P solves P'' = P + f, where f is the parabola through its three values in the step; time counts from the step's
-    begin. `parameters`, `workspace`: the engine's `Parameters` and `Workspace`; `number` is not used.
-    """
+def _build_force(_number, j, parameters, workspace):
+    """Write P of the force in step j to `workspace.particular`, by the time since the step's beginning."""
     k, h = j % workspace.low.size, parameters.grid.spacing
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     slope = (4.0 * middle - 3.0 * begin - end) / h
@@ -247,14 +202,8 @@ def _build_force(number, j, parameters, workspace):  # noqa: ARG001
 
 
 @kernel
-def _step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts):  # noqa: ARG001
-    """Carry a block through a `share`, up to 1, of step j; return ((angle, velocity), side, time).
-
-    The time is the τ of overturning, or inf; all is nondimensional. `state` is (angle, velocity) at the step's begin,
-    `side` 1, -1 or 0 at rest; `number` counts steps from the begin of the run at `cycle`; `impacts` is an
-    `ImpactRecord`, of times since τ = 0; `end` is not used. `parameters`, `workspace`: the engine's `Parameters` and
-    `Workspace`.
-    """
+def _step_with_events(state, _end, side, number, j, share, cycle, parameters, workspace, impacts):
+    """Carry a block through a share of step j."""
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block
     origin = (cycle + number // n) * (n * h) + (j - k) * h

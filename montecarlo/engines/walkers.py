@@ -51,9 +51,9 @@ from montecarlo.tuning import TUNING
 class Population(NamedTuple):
     """Walkers and the records of their paths.
 
-    `score`, `step` (walkers, steps + 1) and `state` (walkers, steps + 1, 3): records in the order of time, `records`
-    (walkers,) of them. `unfinished` (walkers,): paths that wait for continuation from their last record. `weight` (1,).
-    `levels`, `killed` (1,): counts so far.
+    `score`, `step` (walkers, steps + 1) and `state` (walkers, steps + 1, 3), (u, w, side): records in the order of
+    time, `records` (walkers,) of them. `unfinished` (walkers,): paths that wait for continuation from their last
+    record. `weight` (1,). `levels`, `killed` (1,): counts so far.
     """
 
     score: np.ndarray
@@ -68,10 +68,9 @@ class Population(NamedTuple):
 
 @kernel
 def allocate_population(walkers, steps):
-    """Return the named tuple `Population` of a number of `walkers` without a record, for paths of so many `steps`.
+    """Return a `Population` without a record, all paths unfinished, of weight 1.
 
-    Its records, (walkers, steps + 1) and with a third axis of 3, are not initialized: memory is touched as it fills.
-    All paths are unfinished, the weight is 1, and the counts are 0.
+    Records are not initialized: memory is touched as it fills.
     """
     return Population(
         np.empty((walkers, steps + 1)),
@@ -87,11 +86,7 @@ def allocate_population(walkers, steps):
 
 @kernel
 def record_score(population, i, score, step, a, b, c):
-    """Record the state of walker i at a `step` (its number), if the `score` is the highest along its path so far.
-
-    (a, b, c), three floats, are the folded angle, the folded velocity and the side, 1 or -1; nondimensional, as is the
-    score. They are written to `population`, a `Population`.
-    """
+    """Record the state of walker i at a `step`, if the `score` is the highest along its path so far."""
     k = population.records[i]
     if k == 0 or score > population.score[i, k - 1]:
         population.score[i, k], population.step[i, k] = score, step
@@ -101,12 +96,7 @@ def record_score(population, i, score, step, a, b, c):
 
 @kernel
 def raise_level(population, stream):
-    """Kill all walkers of a `Population` at the lowest score and branch survivors in their place.
-
-    Return whether the chain goes on (bool): False if every score is infinite, or no walker survives. `stream` (4,)
-    uint64, the state of the random numbers, draws the survivors. The weight and the counts of levels and of killed
-    walkers are updated.
-    """
+    """Kill all walkers at the lowest score and branch survivors in their place; return whether the chain goes on."""
     walkers = population.records.size
     level = math.inf
     for i in range(walkers):
@@ -131,10 +121,7 @@ def raise_level(population, stream):
 
 @kernel
 def _branch(population, i, parent, level):
-    """Begin walker i of a `Population` anew: its records become the first state of walker `parent` above `level`.
-
-    `i`, `parent`: numbers of walkers; `level`: a score.
-    """
+    """Begin walker i anew: its records become the first state of walker `parent` above `level`."""
     k = 0
     while population.score[parent, k] <= level:
         k += 1
@@ -146,8 +133,8 @@ def _branch(population, i, parent, level):
 class NoiselessForcing(NamedTuple):
     """The forcing from each of m equally spaced times of a cycle on, over `stride` of the intervals between them.
 
-    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of `duration`; `count` of
-    them make up the time for which the motion without noise is followed.
+    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of `duration`; `count` of them make up
+    the time for which the motion without noise is followed.
     """
 
     particular: np.ndarray
@@ -175,10 +162,7 @@ class ScoreTable(NamedTuple):
 
 @functools.lru_cache(maxsize=1)
 def score_table(scene, intervals):
-    """Return the named tuple `ScoreTable` of a `Scene` with white noise, at the begins of equal parts of a cycle.
-
-    `intervals`: number of the parts. All is nondimensional.
-    """
+    """Return the `ScoreTable` of a scene with white noise, at the beginnings of `intervals` equal parts of a cycle."""
     cutoff, span = scene.overturning.angle, scene.period / intervals
     # No faster block falls back, nor comes in from a fall (docs/theory section 7).
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
@@ -190,7 +174,7 @@ def score_table(scene, intervals):
 
 
 def _noiseless_forcing(scene, intervals, span):
-    """Return the named tuple `NoiselessForcing` of a `Scene`, whose cycle has `intervals` of a duration `span` each."""
+    """Return the `NoiselessForcing` of a scene whose cycle has `intervals` of a duration `span` each."""
     # Segments as long as their polynomials are good to 1e-6.
     stride = max(1, int(min(0.8, scene.forcing.longest_piece) / span))
     duration = stride * span
@@ -204,21 +188,15 @@ def _noiseless_forcing(scene, intervals, span):
 
 @kernel(inline="always")
 def _distance(u, w, side, particular, t, block):
-    """Return z = u + w - m - s (P + P') at t, the distance from the separatrix of a `KernelBlock`; above 0 it escapes.
-
-    u = s x and w = s v are the folded angle and velocity, `side` is s, 1 or -1, m the saddle of that side;
-    `particular` (TERMS,) are the coefficients of P, with P'' = P + f. All is nondimensional.
-    """
+    """Return z = u + w - m - s (P + P') at t, the distance from the separatrix; above 0 the block escapes."""
     return unstable_coordinate(u + (1.0 - saddle(side, block)), w, side, particular, t)
 
 
 @kernel
 def _follow(u, w, side, j, forcing):
-    """Return the score (float) of a state at the j-th time of `forcing`: the largest z of its path without noise.
+    """Return the score of a state at the j-th time: the largest z of its path without noise, now and after impacts.
 
-    u = s x and w = s v are the folded angle and velocity, `side` is s, 1 or -1; z, above 0 if the block escapes, is
-    taken at the begin and after each impact. The path under `forcing`, a `NoiselessForcing`, is followed until it
-    escapes or comes to rest, or for the foresight at most. All is nondimensional.
+    The path is followed until it escapes or comes to rest, or for the foresight at most.
     """
     best = _distance(u, w, side, forcing.particular[j], 0.0, forcing.block)
     x, v = side * u, side * w
@@ -241,11 +219,7 @@ def _follow(u, w, side, j, forcing):
 
 @kernel
 def _write_scores(begin, end, table, forcing, fastest):
-    """Write the scores in rows `begin` up to `end` of `table` (m, 2, n_angle, n_velocity), see `ScoreTable`.
-
-    Rows are counted over the first three axes: time of the cycle, side, folded angle. `forcing`: a `NoiselessForcing`;
-    folded velocities run from -`fastest` to `fastest`, nondimensional.
-    """
+    """Write the scores in rows `begin` up to `end` of `table`, counted over time, side and folded angle."""
     _, sides, angles, velocities = table.shape
     for row in range(begin, end):
         j, k, a = row // (sides * angles), (row // angles) % sides, row % angles
@@ -257,11 +231,7 @@ def _write_scores(begin, end, table, forcing, fastest):
 
 @kernel
 def score_of_state(u, w, side, j, scores):
-    """Return the score (float) of a state (u, w, side) at the j-th time of `scores`, a `ScoreTable`.
-
-    u and w are the folded angle and velocity, nondimensional, the side is 1 or -1. The score is bilinear between the
-    table's nodes; beyond them, that at its edge.
-    """
+    """Return the score of a state at the j-th time, bilinear between the table's nodes, constant beyond."""
     table = scores.table[j, (side + 1) // 2]
     a = min(max(u * scores.per_angle, 0.0), table.shape[0] - 1.0)
     b = min(max((w + scores.fastest) * scores.per_velocity, 0.0), table.shape[1] - 1.0)
@@ -274,10 +244,7 @@ def score_of_state(u, w, side, j, scores):
 
 @kernel
 def _begin_walker(stream, i, population, parameters, scores):
-    """Draw the start of walker i from `stream` (4,) uint64, and record it in a `Population`, at step 0.
-
-    Its score is inf where it starts overturned. `parameters`: those of the engine `white`; `scores`: a `ScoreTable`.
-    """
+    """Draw the start of walker i and record it; its score is inf where it starts overturned."""
     x, v = draw_start(stream, parameters.start)
     side = first_side(x, v, parameters)
     score = math.inf if side * x >= parameters.block.cutoff else score_of_state(side * x, side * v, side, 0, scores)
@@ -286,11 +253,7 @@ def _begin_walker(stream, i, population, parameters, scores):
 
 @kernel
 def _continue_walker(stream, i, population, steps, parameters, scores):
-    """Take walker i of a `Population` from its last record to overturning or to step number `steps`, and record it.
-
-    `stream` (4,) uint64: state of the random numbers; `parameters`: those of the engine `white`, whose intervals are
-    the steps; `scores`: a `ScoreTable`. Overturned, its score is inf.
-    """
+    """Take walker i from its last record to overturning or to step number `steps`, and record it."""
     k = population.records[i] - 1
     step, state = population.step[i, k], population.state[i, k]
     u, w, side = state[0], state[1], int(state[2])
@@ -304,12 +267,10 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
 
 @kernel
 def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
-    """Run one splitting of a number of `walkers`; return two integers, the levels passed and the walkers killed.
+    """Run one splitting; return the levels passed and the walkers killed.
 
     Its estimates, the probability of having overturned by each cycle to the left and to the right, are added to
-    `overturned` (cycles + 1, 2), zeros before. Its random numbers are a function of the `keys` (4,) uint64 of a seed,
-    its number `repeat` among the repeats, and the walkers. `parameters`: those of the engine `white`; `scores`: a
-    `ScoreTable`.
+    `overturned` (cycles + 1, 2). Its random numbers are a function of the keys, its number `repeat`, and the walkers.
     """
     # A count of references would cost more than the steps.
     keys, parameters, scores, overturned = borrowed((keys, parameters, scores, overturned))

@@ -47,19 +47,18 @@ from montecarlo.engines.random import draw_start, normal, start_parameters
 from montecarlo.tuning import TUNING
 
 
-class Parameters(NamedTuple):
+class WhiteParameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,): see `start_parameters`.
-    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of the forcing; `stages` (m, 3): its
-    values at their begin, middle and end. `diffusion` (m,): D, 0 where it counts as none (`mean_squares`).
-    `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0), indexed [interval, side < 0
-    or > 0]; `hyperbolic` (2,): cosh and sinh of an interval's duration; `spread` (m, 3): Cholesky factor of the noise
-    that a slender block gathers. `shortest`: duration of the shortest step. `brief`: half the duration of the longest
-    bounce that is one draw. `reach`: the distance in standard deviations of the angle that a step keeps from a barrier
-    is at most reach t^1.5 after a time t <= span, and `margin` after an interval, (m,) both.
-    `repeats`: whether the table period does, and has no kinks, so that a bounce in one draw may go on into the next
-    intervals.
+    `start` (5,): see `start_parameters`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
+    the forcing; `stages` (m, 3): its values at their beginning, middle and end. `diffusion` (m,): D, 0 where it counts
+    as none (`mean_squares`). `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0),
+    indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of an interval's duration; `spread` (m, 3):
+    Cholesky factor of the noise that a slender block gathers. `shortest`: duration of the shortest step. `brief`: half
+    the duration of the longest bounce that is one draw. `reach`: the distance in standard deviations of the angle that
+    a step keeps from a barrier is at most reach t^1.5 after a time t <= span, and `margin` after an interval, (m,)
+    both. `repeats`: whether the table period does, and has no kinks, so that a bounce in one draw may go on into the
+    next intervals.
     """
 
     block: KernelBlock
@@ -84,12 +83,7 @@ class Parameters(NamedTuple):
 
 @kernel
 def _write_segments(particular, span, force, low, high, curvature, stages, drift, block):
-    """Write the tables `force` to `drift` of `Parameters`, nondimensional, for m intervals of a duration `span`.
-
-    They are `force` (m, TERMS), `low`, `high`, `curvature` (m,), `stages` (m, 3) and `drift` (m, 2, 2). `particular`
-    (m, TERMS): coefficients of P, with P'' = P + f of the forcing f, in the time since each interval's begin; `block`:
-    a `KernelBlock`.
-    """
+    """Write the tables `force` to `drift` by P, `particular` (m, TERMS), for intervals of a duration `span`."""
     for j in range(low.size):
         segment = segment_from_particular(particular[j], force[j], span)
         low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
@@ -100,12 +94,7 @@ def _write_segments(particular, span, force, low, high, curvature, stages, drift
 
 
 def _noise_factors(diffusions, envelope, span):
-    """Return `spread` (m, 3) of `Parameters`: xx, vx, vv of a Cholesky factor [[xx, 0], [vx, vv]], nondimensional.
-
-    Its covariance is that of angle and velocity that the noise gives a slender block in each of m intervals, exact
-    where the `envelope`, an `Envelope` or None, is smooth. `diffusions` (m,): D in each interval, with the mean square
-    of the envelope; `span`: duration of one.
-    """
+    """Return `spread` (m, 3), exact where the envelope is smooth, by the mean of D in each interval."""
     if envelope is None:
         return np.sqrt(diffusions)[:, None] * np.array(covariance_factor(1.0, span))
     nodes, weights = np.polynomial.legendre.leggauss(8)
@@ -120,12 +109,9 @@ def _noise_factors(diffusions, envelope, span):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the named tuple `Parameters` of a `Scene` with white noise.
+    """Return the parameters of a scene; ValueError for one that white noise does not allow.
 
-    `steps_per_cycle` sets the shortest step; `times` (rows,), at which states are wanted, are nondimensional and count
-    from the begin of the table period (a cycle, or the whole time), by default its end alone. No step and no bounce
-    that is one draw outlasts one of them, so other times mean other paths (of the same law). ValueError for a scene
-    that white noise does not allow.
+    No step and no bounce that is one draw outlasts one of the `times`, so other times mean other paths of the same law.
     """
     diffusion = scene.noise.diffusion
     if diffusion == 0.0:
@@ -148,7 +134,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
     _write_segments(particular, span, *tables, block_of_scene(scene))
     xx, _, _ = flight_covariance(1.0, span)
     roots = scene.block.largest_scale * np.sqrt(diffusions)
-    return Parameters(
+    return WhiteParameters(
         block_of_scene(scene),
         grid,
         diffusions,
@@ -166,13 +152,8 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 @kernel(inline="always")
-def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG001
-    """Return (u, w) of a slender block at the end of interval j, without an event; nondimensional.
-
-    u = s x and w = s v are the folded angle and velocity, those passed are at its begin, and `side` is s, 1 or -1;
-    `first`, `second` are standard normal numbers, j is the row of the tables. `parameters`: the engine's `Parameters`;
-    `block` is not used.
-    """
+def _draw_slender(u, w, side, first, second, j, parameters, _block):
+    """Return the folded (u, w) of a slender block at the end of interval j, without an event, by two normal numbers."""
     drift = parameters.drift[j, (side + 1) // 2]
     keep, swap = parameters.hyperbolic
     xx, vx, vv = parameters.spread[j, 0], parameters.spread[j, 1], parameters.spread[j, 2]
@@ -182,12 +163,7 @@ def _draw_slender(u, w, side, first, second, j, parameters, block):  # noqa: ARG
 
 @kernel(inline="always")
 def _draw_exact(u, w, side, first, second, j, parameters, block):
-    """Return (u, w) of an exact block at the end of interval j, without an event; nondimensional.
-
-    u = s x and w = s v are the folded angle and velocity, those passed are at its begin, and `side` is s, 1 or -1;
-    `first`, `second` are standard normal numbers, j is the row of the tables. `parameters`: the engine's `Parameters`;
-    `block`: a `KernelBlock`.
-    """
+    """As `_draw_slender`, of an exact block."""
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
     u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
     xx, vx, vv = parameters.spread[j, 0], parameters.spread[j, 1], parameters.spread[j, 2]
@@ -199,13 +175,10 @@ _draw = dispatch_on_block(_draw_slender, _draw_exact)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
-    """Take the block from `start` to `end` of interval j of the table period; return (u, w, side, time reached).
+    """Take the block from `start` to `end` of interval j; return the folded (u, w, side, time reached).
 
-    u = s x and w = s v are the folded angle and velocity, and `side` is s, 1 or -1, all nondimensional; overturned, u
-    is at or above the cut-off. The time is less than `end` if it has overturned, and up to `until` if it bounces then.
-    Times count from `origin`, the τ of the interval's begin, and an `end` beyond the interval's is that; `impacts` is
-    an `ImpactRecord`, or None for no record. `stream` (4,) uint64: state of the random numbers; `parameters`: the
-    engine's `Parameters`.
+    Overturned, u is at or above the cut-off. The time is less than `end` if it has overturned, and up to `until` if it
+    bounces then. Times count from the interval's beginning, `origin`, and an `end` beyond the interval's is that.
     """
     span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
@@ -236,13 +209,7 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
 
 @kernel
 def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
-    """Take the block through a part of an interval without noise; return (u, w, side, time reached).
-
-    u = s x and w = s v are the folded angle and velocity, and `side` is s, 1 or -1, all nondimensional; at rest u = w =
-    0, and the side returned is 1. The time is `end`, or that of overturning. Times count from the begin of the
-    `Segment`, which is at `origin` since τ = 0; `impacts` is an `ImpactRecord` or None. `parameters`: the engine's
-    `Parameters`.
-    """
+    """Take the block through a part of an interval without noise; return (u, w, side, time), (0, 0, 1) at rest."""
     side = 0 if u == 0.0 and w == 0.0 else side
     x, v, side, time = advance_through_events(
         side * u, side * w, side, segment, start, end, parameters.block, impacts, origin
@@ -254,11 +221,7 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 
 @kernel
 def is_clear(u, w, side, j, parameters):
-    """Whether a block surely keeps 4 standard deviations from both barriers, x = 0 and the cut-off, in interval j.
-
-    (u, w) are its folded angle and velocity at the begin, s x and s v, nondimensional, and `side` is s, 1 or -1; j is
-    the row of the tables. `parameters`: the engine's `Parameters`, with these distances as `margin`. A bool.
-    """
+    """Whether a block surely keeps 4 standard deviations from both barriers, x = 0 and the cut-off, in interval j."""
     below, above = folded_angle_bounds(
         u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block
     )
@@ -267,30 +230,24 @@ def is_clear(u, w, side, j, parameters):
 
 @kernel
 def first_side(x, v, parameters):
-    """Return the side, 1 or -1, of a start at angle x and velocity v, nondimensional.
+    """Return the side of a start: the sign of x, at x = 0 that of v, and at rest that of the force.
 
-    It is the sign of x, at x = 0 that of v, and at rest that of the force at the begin: otherwise the first step would
-    begin with an impact. `parameters`: the engine's `Parameters`.
+    Otherwise the first step would begin with an impact.
     """
     push = v if v != 0.0 else parameters.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 
 
 @kernel
-def _workspace_of(parameters):  # noqa: ARG001
-    """Return None: a path of this engine needs no working memory, and `parameters` are not used."""
+def _no_workspace(_parameters):
     return
 
 
 @kernel(forceinline=True)
-def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):  # noqa: ARG001
-    """Simulate one realization; return (time, side) of overturning: τ, or nan for never; -1 or 1, or 0 for never.
+def _simulate_path(stream, cycle, parameters, _workspace, angle, velocity, impacts, _unkept):
+    """As `_simulate_path` of `engine`; steps end at the output times.
 
-    `angle`, `velocity` (periods * rows + 1,) are filled up to overturning, nondimensional, at the begin and at the
-    `rows` output times of each table period; `cycle` (int) is the one at which the run begins. A path cannot be looked
-    at within a step, as that would take random numbers: its steps end at the output times, so `unkept` and `workspace`
-    are not used. `stream` (4,) uint64: state of the random numbers; `parameters`: the engine's `Parameters`;
-    `impacts`: an `ImpactRecord`.
+    A look within a step would take random numbers.
     """
     intervals, span, times = parameters.grid.count, parameters.grid.spacing, parameters.grid.output_times
     x, v = draw_start(stream, parameters.start)
@@ -325,7 +282,7 @@ ENGINE = Engine(
     file=__file__,
     takes=lambda scene: scene.noise.kind == "white",
     parameters_of=parameters_of,
-    workspace_of=_workspace_of,
+    workspace_of=_no_workspace,
     simulate_path=_simulate_path,
     renews=True,
 )

@@ -19,7 +19,7 @@ from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
 from fpk_rocking.scene import Block, Body, Harmonic, NoNoise, Scene
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulation
-from montecarlo.engines import ENGINES, engine_of, exact, filtered, rk4, task_of, white
+from montecarlo.engines import ENGINES, engine_of, exact_block, filtered, rk4, task_of, white
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -116,10 +116,10 @@ WHITE, FLIGHT = "fpk_rocking.least_runs:white", "fpk_rocking.least_runs:free_fli
 def test_every_engine_and_every_call_has_its_task():
     blocks = Block(0.5), Block(0.5, critical_angle=0.3), Block(body=Body(1.0, 0.3, 0.4, 0.6))
     scenes = [Scene(block, Harmonic(1.0, 2.0), NoNoise()) for block in blocks]
-    named = {task_of(engine, scenes[engine is exact.EXACT_BLOCK]) for engine in ENGINES}
+    named = {task_of(engine, scenes[engine is exact_block.ENGINE]) for engine in ENGINES}
     others = rk4.ENGINE, white.ENGINE, filtered.ENGINE
     named |= {task_of(engine, scenes[1]) for engine in others}
-    bodies = {task_of(engine, scenes[2]) for engine in (exact.EXACT_BLOCK, *others)}
+    bodies = {task_of(engine, scenes[2]) for engine in (exact_block.ENGINE, *others)}
     bodies.update(kernels_of(TASKS["fpk"], scenes[2:], {"noise_replacement": "filtered"}))
     assert bodies == set(precompilation.BODY_TASKS)
     named.update(kernels_of(TASKS["fpk"], scenes[:2], {"noise_replacement": "filtered"}))

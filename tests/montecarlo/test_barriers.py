@@ -1,14 +1,14 @@
 """Steps next to x = 0 and the cut-off, by the functions themselves and without noise; low bounces against their law."""
 
 import math
-import types
 
 import numpy as np
 import pytest
 from scipy.special import erf
+from tuned_histories import white_histories
 
 from fpk_rocking.base.jit import at_most, thread_count
-from fpk_rocking.physics.motion import equation, flight
+from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import KernelBlock, Segment
 from fpk_rocking.physics.motion.events import next_event
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
@@ -16,32 +16,21 @@ from montecarlo import histories, simulate
 from montecarlo.engines import barriers, white
 from montecarlo.engines.barriers import draw_bounce, first_return
 from montecarlo.engines.random import open_stream, stream_keys
-from montecarlo.tuning import TUNING
 
-PARAMETERS = types.SimpleNamespace(block=KernelBlock(0.6, 1.5), shortest=1e-6)
-
-
-@pytest.fixture
-def plain(monkeypatch):
-    """As Python, with what it calls, and normals of 0."""
-    for name in (
-        "velocity_after_impact",
-        "reflect_draw",
-        "step_near_barrier",
-        "covariance_factor",
-        "value_and_slope",
-        "safe_step",
-        "least_closing_time",
-    ):
-        monkeypatch.setattr(barriers, name, getattr(barriers, name).py_func)
-    for name in ("acceleration", "acceleration_bounds"):
-        monkeypatch.setattr(barriers, name, getattr(equation, f"slender_{name}").py_func)
-    monkeypatch.setattr(barriers, "slender_flight_end", flight.slender_flight_end.py_func)
-    monkeypatch.setattr(barriers, "_mean", barriers._slender_mean.py_func)
-    monkeypatch.setattr(barriers, "normal", lambda _: 0.0)
+BLOCK = KernelBlock(0.6, 1.5)
+SCENE = Scene(Block(0.6), Harmonic(1.0, 2.0), WhiteNoise(0.01))
+PARAMETERS = white.parameters_of(SCENE, 200)._replace(
+    block=BLOCK, shortest=1e-6, diffusion=np.zeros(1), reach=np.array([1e-4])
+)
 
 
-@pytest.mark.usefixtures("plain")
+def constant(force):
+    """The segment of a constant force."""
+    coefficients = np.zeros(TERMS)
+    coefficients[0] = force
+    return Segment(-coefficients, coefficients, force, force, 0.0)
+
+
 def test_a_step_is_as_long_as_a_gap_surely_stays_open():
     """All nine tenths of the reach are kept all along the step; it is the limit, or the whole reach is not."""
     rng, lengths = np.random.default_rng(3), []
@@ -60,53 +49,47 @@ def test_a_step_is_as_long_as_a_gap_surely_stays_open():
     assert 0.1 < np.mean(np.array(lengths) == 0.5) < 0.9
 
 
-@pytest.mark.usefixtures("plain")
 def test_a_step_without_noise_ends_where_the_gap_closes():
     for gap, slope, bend in np.random.default_rng(4).uniform((0.0, -2.0, -3.0), (0.2, 2.0, 0.0), (300, 3)):
         closes = max(np.roots([0.5 * bend, slope, gap]).real)
         assert barriers.safe_step(gap, slope, bend, 0.0, 0.5, 1e-9) == pytest.approx(min(closes, 0.5), rel=1e-9)
 
 
-def near(u, w, side, force, diffusion=0.0):
-    coefficients = np.zeros(16)
-    coefficients[0] = force
-    segment = types.SimpleNamespace(force=coefficients, particular=-coefficients, force_low=force, force_high=force)
-    parameters = types.SimpleNamespace(**vars(PARAMETERS), diffusion=[diffusion], reach=[1e-4])
-    return barriers.step_near_barrier(None, u, w, side, segment, 0, 0.2, 1.2, parameters, None, 0.0)
+def near(u, w, side, force):
+    """A step from 0.2 up to 1.2 without noise, under a constant force."""
+    stream = open_stream(stream_keys(1), 0)
+    return barriers.step_near_barrier(stream, u, w, side, constant(force), 0, 0.2, 1.2, PARAMETERS, None, 0.0)
 
 
-@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_step_ends_before_a_bound_of_the_acceleration_brings_a_block_to_a_barrier(side):
     """From rest: -u'' is at most 1 - s f, and u'' at most cutoff - 1 + s f; no step is shortened without a need."""
     for u, folded, bound in ((0.2, -3.0, 4.0), (1.3, 3.0, 3.5)):
-        gap = min(u, PARAMETERS.block.cutoff - u)
+        gap = min(u, BLOCK.cutoff - u)
         *_, end = near(u, 0.0, side, side * folded)
         assert end - 0.2 == pytest.approx(math.sqrt(2.0 * gap / bound), rel=1e-3)
     assert near(1.0, 0.0, side, 0.0)[-1] == 1.2
     # Towards a barrier at a speed against which noise is nothing a flight goes there at once.
     assert near(0.01, -1.0, side, 0.0)[::2] == (0.0, -side)
-    assert near(1.49, 1.0, side, 0.0)[0] == PARAMETERS.block.cutoff
+    assert near(1.49, 1.0, side, 0.0)[0] == BLOCK.cutoff
 
 
-@pytest.mark.usefixtures("plain")
-def test_an_impact_lies_on_the_parabola_through_the_draw(monkeypatch):
-    monkeypatch.setattr(barriers, "acceleration", lambda *_: -1.5)
-    segment = types.SimpleNamespace(force=np.zeros(16))
+def reflected(u, w, side, lift, *times):
+    """What follows a state drawn beyond x = 0, where the block is accelerated by `lift`."""
+    segment = constant(side * (lift + 1.0 - u))
+    return barriers.reflect_draw(u, w, side, segment, *times, PARAMETERS, None, 0.0)
+
+
+def test_an_impact_lies_on_the_parabola_through_the_draw():
     for late in (0.01, 0.05, -0.02):  # a draw may end before its impact, if the step was to end with it
         u, w = -late * (0.8 + 0.75 * late), -(0.8 + 1.5 * late)
-        reflected = barriers.reflect_draw(u, w, 1, segment, 0.1, 0.3, 0.33, PARAMETERS, None, 0.0)
-        assert reflected == pytest.approx((0.0, 0.6 * 0.8, -1, 0.3 - late))
+        assert reflected(u, w, 1, -1.5, 0.1, 0.3, 0.33) == pytest.approx((0.0, 0.6 * 0.8, -1, 0.3 - late))
 
 
-@pytest.mark.usefixtures("plain")
 @pytest.mark.parametrize(("w", "lift"), [(0.2, 100.0), (0.0, 100.0), (-0.05, -1.0), (-0.1, 0.0)])
-def test_a_draw_beyond_an_impact_that_no_parabola_has_is_scaled(monkeypatch, w, lift):
+def test_a_draw_beyond_an_impact_that_no_parabola_has_is_scaled(w, lift):
     """It rises, its impact would be before the step, or there is none."""
-    monkeypatch.setattr(barriers, "acceleration", lambda *_: lift)
-    segment = types.SimpleNamespace(force=np.zeros(16))
-    reflected = barriers.reflect_draw(-0.01, w, -1, segment, 0.25, 0.3, 0.3, PARAMETERS, None, 0.0)
-    assert reflected == pytest.approx((0.006, -0.6 * w, 1, 0.3))
+    assert reflected(-0.01, w, -1, lift, 0.25, 0.3, 0.3) == pytest.approx((0.006, -0.6 * w, 1, 0.3))
 
 
 RATTLING = Scene(Block(0.85), Harmonic(0.8, 2.0), WhiteNoise(0.002))
@@ -151,11 +134,11 @@ def test_returns_have_the_law_of_mckean(speed, growth, latest):
         assert abs(values.mean() - mean) < 4.0 * values.std() / math.sqrt(values.size)
 
 
-def bounce_errors(share, angle, monkeypatch):
+def bounce_errors(share, angle):
     """Relative errors of arrival speed and duration of bounces without noise that last about 2 share intervals."""
-    monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=2.0))
     scene = Scene(Block(0.9, critical_angle=angle), Harmonic(0.9, 7.0), WhiteNoise(1e-20))
     parameters, block = white.parameters_of(scene, 200), KernelBlock(0.9, 1.5, angle or None)
+    parameters = parameters._replace(brief=2.0 * parameters.grid.spacing)
     stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * parameters.grid.spacing, {}
     for j in range(parameters.low.size):
         for side in (-1, 1):
@@ -172,9 +155,9 @@ def bounce_errors(share, angle, monkeypatch):
 
 
 @pytest.mark.parametrize("angle", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
-def test_bounces_under_a_changing_force_converge(angle, monkeypatch):
+def test_bounces_under_a_changing_force_converge(angle):
     """Against the exact flight, at most 1e-3 off: fourth order of the duration in speed and third in time."""
-    errors_of_shares = [bounce_errors(share, angle, monkeypatch) for share in (0.5, 0.25, 0.125)]
+    errors_of_shares = [bounce_errors(share, angle) for share in (0.5, 0.25, 0.125)]
     common = set(errors_of_shares[0]) & set(errors_of_shares[1]) & set(errors_of_shares[2])
     assert len(common) >= 16
     errors = np.array([[run[key] for key in sorted(common)] for run in errors_of_shares])
@@ -184,13 +167,12 @@ def test_bounces_under_a_changing_force_converge(angle, monkeypatch):
     assert np.all(time[:-1] > 6.0 * time[1:])
 
 
-def test_bounces_keep_the_energy_balance(monkeypatch):
+def test_bounces_keep_the_energy_balance():
     """The unforced block at a shortest step of 0.8 D, where steps alone are off by 0.118; 2,000 paths tell 0.002."""
     errors = []
     scene = Scene(Block(0.5), Harmonic(0.0, math.pi / 8.0), WhiteNoise(0.01))
-    for brief in (TUNING.bounce_time, 0.0):
-        monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=brief))
-        run = histories(scene, cycles=1, realizations=2000, seed=1, steps_per_cycle=8, samples_per_cycle=1)
+    for changes in ({}, {"brief": 0.0}):
+        run = white_histories(scene, realizations=2000, seed=1, steps_per_cycle=8, **changes)
         late = run.impact_time > 1.0
         errors.append(0.375 * np.square(run.impact_velocity[late]).sum() / 2000 / 15.0 / 0.01 - 1.0)
     assert abs(errors[0]) < 0.02
@@ -214,14 +196,12 @@ def test_a_rattling_block_has_the_speeds_of_the_quasi_steady_layer():
     assert np.square(speed / scale).mean() == pytest.approx(6.0, rel=0.1)
 
 
-def test_bounces_and_fine_steps_have_one_law(monkeypatch):
+def test_bounces_and_fine_steps_have_one_law():
     """A block that rattles most of the time: six means over states, and the number of impacts; false alarm 4e-4."""
     runs = []
-    for brief, steps in ((TUNING.bounce_time, 100), (0.0, 1000)):
-        monkeypatch.setattr(white, "TUNING", TUNING._replace(bounce_time=brief))
-        runs.append(
-            histories(RATTLING, cycles=3, realizations=3000, seed=steps, steps_per_cycle=steps, samples_per_cycle=8)
-        )
+    for steps, changes in ((100, {}), (1000, {"brief": 0.0})):
+        size = {"cycles": 3, "realizations": 3000, "samples_per_cycle": 8}
+        runs.append(white_histories(RATTLING, **size, seed=steps, steps_per_cycle=steps, **changes))
     x, v = ([getattr(run, name) for run in runs] for name in ("angle", "velocity"))
     small = [[np.minimum(values, 1e-4) for values in (np.abs(x[i]), np.square(v[i]))] for i in (0, 1)]
     for first, second in [*zip(*small, strict=True), x, v, np.abs(x), np.square(v)]:

@@ -13,25 +13,15 @@ from fpk_rocking import cli
 from fpk_rocking.base.jit import at_most
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Scene, WhiteNoise
 from montecarlo import Tally, simulate, simulation, tally
-from montecarlo.engines import batches
 from montecarlo.results.tally import Checkpoint
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), WhiteNoise(0.002 * math.pi))
-SIZE = {"cycles": 6, "realizations": 3000}
+# Of so many rows the first batch has 64 realizations, and a later one at most four times as many as that before it.
+SIZE = {"cycles": 64, "realizations": 3000}
 
 
 def content(result):
     return [array.tobytes() for array in result.counts]
-
-
-def tuned(monkeypatch, **numbers):
-    """Other numbers of the table, in batches and in what a tally holds at once."""
-    for module in (batches, simulation):
-        monkeypatch.setattr(module, "TUNING", module.TUNING._replace(**numbers))
-
-
-def in_small_batches(monkeypatch):
-    tuned(monkeypatch, batch_seconds=1e-9, first_batch=0)
 
 
 @pytest.fixture(scope="module")
@@ -39,17 +29,17 @@ def undisturbed():
     return tally(MAIN, **SIZE)
 
 
-def test_same_counts_for_any_threads_and_any_batches(undisturbed, monkeypatch):
+def test_same_counts_for_any_threads_and_any_batches(undisturbed, tmp_path):
     with at_most(1):
         assert content(tally(MAIN, **SIZE)) == content(undisturbed)
-    in_small_batches(monkeypatch)
-    tuned(monkeypatch, smallest_batch=101)
-    assert content(tally(MAIN, **SIZE)) == content(undisturbed)
+    for size in (1, 101, 700, 3000):
+        parts = tally(MAIN, **SIZE | {"realizations": size}, checkpoint=tmp_path / "state.npz")
+    assert content(parts) == content(undisturbed)
 
 
 def test_memory_does_not_grow_with_the_ensemble(undisturbed, monkeypatch):
     """Not even where the engine is so fast that a batch could hold all: 0.8 MB of states for the largest."""
-    tuned(monkeypatch, batch_seconds=math.inf, tally_states=3 * 300)
+    monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(tally_states=3 * 300))
     peaks = []
     for realizations in (64, 1000, 16_000):
         tracemalloc.start()
@@ -67,27 +57,27 @@ class Stop:
     """A progress that stops a run after some batches."""
 
     def __init__(self, error, batches):
-        self.error, self.left = error, batches
+        self.error, self.left, self.done = error, batches, 0
 
-    def __call__(self, *_):
-        self.left -= 1
+    def __call__(self, done, _):
+        self.left, self.done = self.left - 1, done
         if self.left == 0:
             raise self.error
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError])
-def test_a_stopped_run_goes_on_to_the_same_bits(undisturbed, tmp_path, monkeypatch, error):
-    in_small_batches(monkeypatch)
+def test_a_stopped_run_goes_on_to_the_same_bits(undisturbed, tmp_path, error):
     path = tmp_path / "deeper" / "state.npz"
-    for _ in range(2):
+    for batches in (1, 2):
+        stop = Stop(error, batches)
         with pytest.raises(error):
-            tally(MAIN, **SIZE, checkpoint=path, progress=Stop(error, 3))
+            tally(MAIN, **SIZE, checkpoint=path, progress=stop)
     part = Tally.load(path)
-    assert part.realizations == 6 * 64
+    assert 128 < part.realizations == stop.done < 3000
     dataclasses.replace(part, wall_s=1000.0).save(path)
     reports = []
     resumed = tally(MAIN, **SIZE, checkpoint=path, progress=lambda *counts: reports.append(counts))
-    assert reports[0] == (7 * 64, 3000)
+    assert reports[0] == (part.realizations + 64, 3000)
     assert content(resumed) == content(undisturbed)
     assert content(Tally.load(path)) == content(undisturbed)
     assert 1000.0 < resumed.wall_s < 1100.0
@@ -96,23 +86,28 @@ def test_a_stopped_run_goes_on_to_the_same_bits(undisturbed, tmp_path, monkeypat
 
 def test_a_finished_run_goes_on_with_more_realizations(undisturbed, tmp_path):
     path = tmp_path / "state.npz"
-    tally(MAIN, cycles=6, realizations=1000, checkpoint=path)
+    tally(MAIN, **SIZE | {"realizations": 1000}, checkpoint=path)
     assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(undisturbed)
     before = path.read_bytes()
     assert content(tally(MAIN, **SIZE, checkpoint=path)) == content(undisturbed)
     assert path.read_bytes() == before
 
 
-def test_the_state_is_saved_at_once_at_the_end_and_now_and_then(tmp_path, monkeypatch):
-    in_small_batches(monkeypatch)
-    saved, write = [], Tally.save
-    monkeypatch.setattr(Tally, "save", lambda self, path: (saved.append(self.realizations), write(self, path)))
-    tally(MAIN, cycles=1, realizations=300, checkpoint=tmp_path / "first.npz")
-    assert saved == [64, 300]
-    monkeypatch.setattr(Checkpoint, "least_s", 0.0)
-    monkeypatch.setattr(Checkpoint, "share", math.inf)
-    tally(MAIN, cycles=1, realizations=300, checkpoint=tmp_path / "second.npz")
-    assert saved[2:] == [64, 128, 192, 256, 300]
+@pytest.mark.parametrize("always", [False, True])
+def test_the_state_is_saved_at_once_at_the_end_and_now_and_then(tmp_path, monkeypatch, always):
+    if always:
+        monkeypatch.setattr(Checkpoint, "least_s", 0.0)
+        monkeypatch.setattr(Checkpoint, "share", math.inf)
+    path, done, saved = tmp_path / "state.npz", [], []
+
+    def watch(count, _):
+        done.append(count)
+        saved.append(Tally.load(path).realizations)
+
+    tally(MAIN, **SIZE, checkpoint=path, progress=watch)
+    assert len(done) >= 3
+    assert saved == (done if always else [64] * len(done))
+    assert Tally.load(path).realizations == done[-1] == 3000
 
 
 @pytest.mark.parametrize(
@@ -168,8 +163,7 @@ def test_a_damaged_checkpoint_is_refused_and_kept(tmp_path, damage):
     assert path.read_bytes() == before
 
 
-def test_a_checkpoint_that_cannot_be_written_is_refused_early(tmp_path, monkeypatch):
-    in_small_batches(monkeypatch)
+def test_a_checkpoint_that_cannot_be_written_is_refused_early(tmp_path):
     (tmp_path / "file").write_text("in the way\n")
     reports = []
     with pytest.raises(OSError, match="file"):

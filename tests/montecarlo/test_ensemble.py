@@ -25,7 +25,7 @@ from fpk_rocking.scene import (
     Start,
     load_scene,
 )
-from montecarlo import Ensemble, Histories, correlation_dimension, histories, simulate, simulation
+from montecarlo import Ensemble, Histories, correlation_dimension, histories, simulate
 from montecarlo.engines import batches
 
 SCENE = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
@@ -285,15 +285,17 @@ def test_no_impact_is_dropped_where_there_are_many():
     assert np.abs(run.impact_velocity[0]) == pytest.approx(math.sqrt(2e-4), rel=1e-3)
 
 
-def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_for(monkeypatch):
-    scene = Scene(Block(0.9), Harmonic(1.2, 2.0), BandNoise(0.1, (0.0, 6.0), 20))
-    roomy = histories(scene, cycles=1, realizations=20)
-    capacity = 10
-    assert roomy.impacts.min() < capacity < roomy.impacts.max()
-    monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(impacts_per_cycle=capacity))
-    again = histories(scene, cycles=1, realizations=20)
-    for name in ("angle", "impact_realization", "impact_time", "impact_velocity"):
-        assert getattr(again, name).tobytes() == getattr(roomy, name).tobytes()
+def test_no_impact_is_dropped_where_one_realization_has_more_than_there_is_room_for():
+    """There is room for 16 in a cycle at first."""
+    scene = Scene(Block(0.9), Harmonic(1.2, 1.0), BandNoise(0.1, (0.0, 6.0), 20))
+    run = histories(scene, cycles=1, realizations=20, samples_per_cycle=1)
+    assert run.impacts.min() < 16 < run.impacts.max()
+    (roomy,) = batches.simulate_batches(batches.checked_run(scene, 1, 20, 1, None, 200), capacity=200)
+    assert run.angle.tobytes() == roomy.angle.tobytes()
+    assert run.impacts.tolist() == roomy.impacts.count.tolist()
+    kept = np.isfinite(roomy.impacts.time)
+    assert run.impact_time.tobytes() == roomy.impacts.time[kept].tobytes()
+    assert run.impact_velocity.tobytes() == roomy.impacts.velocity[kept].tobytes()
 
 
 @pytest.mark.parametrize("method", ["rk4", "exact"])

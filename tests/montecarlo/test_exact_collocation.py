@@ -14,7 +14,7 @@ from fpk_rocking.physics.motion.intervals import PLACES
 from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Pulse, Record, Scene, Start
 from montecarlo import histories, restarted_poincare_map, simulate, tally
-from montecarlo.engines import band_noise, batches, exact, filtered_noise, noise_samples
+from montecarlo.engines import band_noise, batches, exact, exact_block
 from montecarlo.engines.random import open_stream, stream_keys
 
 BLOCK = Block(0.85, critical_angle=0.3)
@@ -90,7 +90,7 @@ def test_paths_under_pulses_and_records_are_those_of_an_independent_integrator(n
 
 def realized(scene, seed, number):
     """Force of a realization as a function of time, from the numbers that the engine draws."""
-    parameters = exact.parameters_of(scene, 200, np.array([scene.period]))
+    parameters = exact_block.parameters_of(scene, 200, np.array([scene.period]))
     drawn = band.allocate_realization(parameters.band.harmonics, 1)
     band_noise.draw_start_and_noise(open_stream(stream_keys(seed), number), parameters.start, parameters.band, drawn)
     count, period = parameters.band.harmonics, parameters.grid.count * parameters.grid.spacing
@@ -188,17 +188,16 @@ def test_a_block_lifts_off_beyond_the_level_of_its_angle():
 
 
 @pytest.mark.slow
-def test_what_the_polynomial_of_filtered_noise_leaves_out_is_of_its_order(monkeypatch):
+def test_what_the_polynomial_of_filtered_noise_leaves_out_is_of_its_order():
     """As for a slender block: coupled paths after a cycle, intervals as 1 : 2 : 4 against eight times finer.
 
     The intervals have no parts, with which the errors are below what as many paths can tell. 200,000 paths tell the
     order to 0.2; false alarm 1.3e-2.
     """
-    monkeypatch.setattr(filtered_noise, "TUNING", filtered_noise.TUNING._replace(filtered_parts=0))
     scene = SCENE.varied(noise=FilteredNoise("exponential", 0.04, 5.0), forcing=Harmonic(0.867, 1.374, math.pi))
     errors = []
     for factor in (4, 8, 16):
-        _, angle = coupled(scene, 256, factor, 1, 200_000)
+        _, angle = coupled(scene, 256, factor, 1, 200_000, parts=False)
         errors.append(abs(np.mean(np.abs(angle[:, 1]) - np.abs(angle[:, 0]))))
     steps = np.diff(errors)
     assert errors[0] < errors[1] < errors[2] < 3e-4
@@ -206,7 +205,7 @@ def test_what_the_polynomial_of_filtered_noise_leaves_out_is_of_its_order(monkey
 
 
 @pytest.mark.parametrize("slack", [math.inf, -1.0])
-def test_rest_is_decided_by_the_force_at_points_as_by_the_search_for_lift_off(monkeypatch, slack):
+def test_rest_is_decided_by_the_force_at_points_as_by_the_search_for_lift_off(slack):
     """Where nothing is decided by points (inf) paths are the same to the bit; where too much is, they are not."""
     motion = np.random.default_rng(5).normal(0.0, 1.5, 400)
     record = Record(0.02, motion.tolist(), "m/s2")
@@ -214,13 +213,10 @@ def test_rest_is_decided_by_the_force_at_points_as_by_the_search_for_lift_off(mo
     times = np.linspace(0.0, 20.0, 41)
     usual = simulate(scene, times=times, realizations=20, method="exact")
     assert 0.05 < np.mean(usual.angle[:, 1:] == 0.0) < 0.95
-    tables = band_noise._collocation
-    monkeypatch.setattr(
-        band_noise,
-        "_collocation",
-        lambda *arguments: (made := tables(*arguments))._replace(slack=np.full_like(made.slack, slack)),
-    )
-    other = simulate(scene, times=times, realizations=20, method="exact")
+    run = batches.checked_run(scene, None, 20, 1, "exact", 200, times=times)
+    parameters = exact_block.parameters_of(scene, None, times[1:])
+    flight = parameters.flight._replace(slack=np.full_like(parameters.flight.slack, slack))
+    (other,) = batches.simulate_batches(run, parameters=parameters._replace(flight=flight))
     assert np.array_equal(usual.angle, other.angle, equal_nan=True) is (slack == math.inf)
 
 
@@ -229,21 +225,21 @@ def test_noise_under_a_record_is_that_of_its_harmonics_between_samples_as_well(i
     """A block that stays at one side moves by the force, which is that of the harmonics at any time."""
     record = Record(interval, (0.0, 0.1, 0.0), "m/s2")
     scene = Scene.from_block(0.6, 2.0, record=record, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 5.0))
-    parameters = band_noise.parameters_of(scene, None, np.array([4.0]))
+    parameters = exact_block.parameters_of(scene, None, np.array([4.0]))
     assert parameters.halvings == {0.005: 3, 0.02: 1}[interval]
-    workspace = band_noise.workspace_of(parameters)
+    workspace = exact.workspace_of(parameters)
     harmonics = workspace.samples.harmonics
     rng, count = np.random.default_rng(1), parameters.band.harmonics
     harmonics.ratios[:count] = parameters.band.ratio_width * rng.random(count)
     harmonics.phases[:count] = rng.random(count)
     harmonics.weights[:count] = 0.1
-    noise_samples.divide_by_window(harmonics, parameters)
-    noise_samples.write_first_samples(workspace.samples, 0, parameters)
+    band_noise.divide_by_window(harmonics, parameters)
+    band_noise.write_first_samples(workspace.samples, 0, parameters)
     for number in range(parameters.grid.count):
-        noise_samples.write_next_samples(workspace.samples, number, 0, parameters)
-        sample, part = noise_samples.sample_and_part(number, parameters)
+        band_noise.write_next_samples(workspace.samples, number, 0, parameters)
+        sample, part = band_noise.sample_and_part(number, parameters)
         row = band.WIDTH * part
-        near = workspace.samples.values[sample % noise_samples.CHUNK :][: band.WIDTH]
+        near = workspace.samples.values[sample % band_noise.CHUNK :][: band.WIDTH]
         values = near @ parameters.flight.values[row : row + band.WIDTH]
         turns = (number + PLACES)[:, None] / parameters.grid.count * harmonics.ratios[:count] + harmonics.phases[:count]
         assert values == pytest.approx(0.1 * np.cos(2.0 * np.pi * turns).sum(axis=1), abs=1e-10)

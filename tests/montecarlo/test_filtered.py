@@ -16,7 +16,7 @@ from fpk_rocking.base.jit import at_most, thread_count
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Overturning, Scene
 from montecarlo import histories, simulate, split, tally
-from montecarlo.engines import batches, filtered_noise
+from montecarlo.engines import batches
 
 drawn = pytest.mark.parametrize("noise", [*NOISES, SOIL, THIRD], ids=lambda noise: noise_text(noise)[:30])
 each = pytest.mark.parametrize("noise", NOISES, ids=lambda noise: f"{noise.filter}-{noise.damping}")
@@ -224,17 +224,16 @@ def test_results_name_their_noise():
 @pytest.mark.parametrize(
     ("noise", "order"), [(NOISES[1], 1.65), (FilteredNoise("low-pass", 0.0406, 15.5, 0.7071), 2.4)]
 )
-def test_intervals_have_the_order_of_their_noise(monkeypatch, noise, order):
+def test_intervals_have_the_order_of_their_noise(noise, order):
     """Coupled paths of a block near |f| = 1 after a cycle, intervals in the ratio 1 : 2 : 4 against eight times finer.
 
     The intervals have no parts. The order is that of the mean angle where the noise is rough, and of the share at rest
     where it is smooth, whose mean angle is too good to tell. 200,000 paths tell it to 0.1; false alarm below 1e-2.
     """
-    monkeypatch.setattr(filtered_noise, "TUNING", filtered_noise.TUNING._replace(filtered_parts=0))
     scene = dataclasses.replace(blocks(0.867, 1.374, 0.813, 0.0406, 17.2), noise=noise)
     errors = []
     for factor in (4, 8, 16):
-        _, angle = coupled(scene, 256, factor, 1, 200_000)
+        _, angle = coupled(scene, 256, factor, 1, 200_000, parts=False)
         size = np.abs(angle) if noise.filter == "exponential" else (angle == 0.0).astype(float)
         errors.append(abs(np.mean(size[:, 1] - size[:, 0])))
     steps = np.diff(errors)

@@ -108,7 +108,7 @@ def test_noise_goes_on_through_a_restart(scene):
 )
 def test_the_mean_of_few_states_and_its_standard_error(angles, rule, mean, error, counted):
     angle, velocity, side = np.array(angles), np.array([0.0, 1.0]), np.array([0, -1])
-    estimate = poincare._mean(angle, velocity, side, 1.5, rule)
+    estimate = poincare.mean_state(angle, velocity, side, 1.5, rule)
     assert estimate[0] == pytest.approx(mean, nan_ok=True)
     assert estimate[1] == pytest.approx(error, nan_ok=True)
     assert estimate[2] == counted

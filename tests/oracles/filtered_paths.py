@@ -15,7 +15,7 @@ try_step, build_force, step_with_events = ENGINE.try_step, ENGINE.build_force, E
 
 
 def with_intervals(scene, intervals):
-    """The engine's `Parameters` of a scene for a number of intervals in a cycle."""
+    """The engine's parameters of a scene for a number of intervals in a cycle."""
     return parameters_on_grid(scene, TimeGrid(intervals, scene.period / intervals, np.array([float(intervals)])))
 
 
@@ -85,10 +85,18 @@ def _pairs(keys, fine, coarse, factor, cycles, out, angle):
         out[r, 0], out[r, 1], angle[r, 0], angle[r, 1] = _pair(open_stream(keys, r), fine, coarse, factor, cycles)
 
 
-def coupled(scene, intervals, factor, cycles, paths, seed=1):
+def without_parts(parameters):
+    """The parameters of an engine that never draws its noise in parts of an interval."""
+    parts = parameters.noise.parts
+    return parameters._replace(noise=parameters.noise._replace(parts=parts._replace(gain=parts.gain[:0], margin=0.0)))
+
+
+def coupled(scene, intervals, factor, cycles, paths, seed=1, parts=True):
     """Return times of overturning and last angles, (paths, 2) each: `intervals` in a cycle, `factor` times fewer."""
     out, angle = np.empty((2, paths, 2))
     parameters = with_intervals(scene, intervals), with_intervals(scene, intervals // factor)
+    if not parts:
+        parameters = [without_parts(each) for each in parameters]
     _pairs(stream_keys(seed), *parameters, factor, cycles, out, angle)
     return out, angle
 

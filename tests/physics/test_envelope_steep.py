@@ -7,7 +7,7 @@ from scipy import stats
 from fpk_rocking import BandNoise, Block, FilteredNoise, Pulse, Scene
 from fpk_rocking.envelopes import Table
 from montecarlo import simulate
-from montecarlo.engines import exact, filtered
+from montecarlo.engines import exact_enveloped, filtered
 
 
 @pytest.mark.parametrize("middle", [0.35, 0.6, 1.0])
@@ -16,7 +16,7 @@ def test_a_spike_shorter_than_an_interval_lifts_blocks_off(middle):
     spike = Table((middle - 0.01, middle, middle + 0.01), (0.0, 200.0, 0.0))
     scene = Scene(Block(0.9), Pulse("one-cosine", 1e-4, 3.0), BandNoise(4.0, (0.0, 5.0), 40, envelope=spike))
     times = [middle - 0.02, middle + 0.5]
-    assert exact.parameters_of(scene, 200, np.array([0.0, *times])).grid.spacing > 0.1
+    assert exact_enveloped.parameters_of(scene, 200, np.array([0.0, *times])).grid.spacing > 0.1
     ensemble = simulate(scene, times=times, realizations=100)
     steps = simulate(scene, times=times, realizations=100, method="rk4", steps_per_cycle=4000)
     assert np.all(ensemble.angle[:, 1] == 0.0)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fpk_rocking import solve_fpk
 from montecarlo import histories, simulate, split, tally
-from montecarlo.engines import exact
+from montecarlo.engines import exact_slender
 
 RANGE = ("forcing.", "noise.", "start.", "overturning.", "block.")
 FEW = {"cycles": 2, "realizations": 3}
@@ -70,8 +70,8 @@ def test_a_state_that_is_no_number_raises(monkeypatch):
         if first <= 1 < first + len(velocity):
             velocity[1 - first, 1] = math.nan
 
-    computed = exact.SLENDER.simulate
-    monkeypatch.setitem(vars(exact.SLENDER), "simulate", spoil)
+    computed = exact_slender.ENGINE.simulate
+    monkeypatch.setitem(vars(exact_slender.ENGINE), "simulate", spoil)
     for call in (simulate, tally, histories):
         with pytest.raises(FloatingPointError, match=r"realization 1 of method 'exact', seed 1: \d+ finite states"):
             call(scene, **FEW)

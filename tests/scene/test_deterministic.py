@@ -13,7 +13,7 @@ from fpk_rocking import BandNoise, Block, FilteredNoise, Harmonic, NoNoise, Scen
 from fpk_rocking.compare import compare
 from fpk_rocking.output import figures, tables
 from montecarlo import histories, mean_poincare_map, overturning_rate, restarted_poincare_map, simulate, tally
-from montecarlo.engines import exact
+from montecarlo.engines import exact_block, exact_slender
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100))
 QUIET = MAIN.varied(noise=NoNoise())
@@ -59,7 +59,7 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
 
         monkeypatch.setitem(vars(engine), "simulate", watched)
 
-    engines = exact.SLENDER, exact.EXACT_BLOCK
+    engines = exact_slender.ENGINE, exact_block.ENGINE
     for engine in engines:
         watch(engine)
     for scene in (QUIET, MAIN.varied(noise={"variance": 0.0}), FALL):
