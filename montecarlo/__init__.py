@@ -1,10 +1,7 @@
 """Ensembles of rocking blocks: Monte Carlo engines, independent of the density solver.
 
-``simulate`` keeps every realization of a scene (``Ensemble``), ``tally`` counts alone, for ensembles of any size
-(``Tally``), ``histories`` whole time histories with their impacts, ``contact_forces`` the friction that these need.
-``split`` estimates small probabilities of overturning. ``mean_poincare_map``, ``restarted_poincare_map``,
-``correlation_dimension``, ``first_passage``, ``overturning_rate``, ``impact_speeds`` and ``bin_errors`` are statistics
-of realizations with their sampling errors.
+`simulate` keeps every realization of a scene, `tally` counts alone, `histories` whole time histories with their
+impacts; `split` estimates small probabilities of overturning. The other functions are statistics of realizations.
 """
 
 from montecarlo.forces import ContactForces, contact_forces

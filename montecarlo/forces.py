@@ -32,15 +32,15 @@ from montecarlo.results.ensemble import Histories
 class ContactForces:
     """Forces of the floor on the blocks of some histories, over their weight; made by `contact_forces`.
 
-    They are known at the times of the histories alone: more samples in a cycle show more of the peaks between. The
-    forces of an impact, which act for an instant, are not among them.
+    They are known at the times of the histories alone, so more samples in a cycle show more of the peaks between, and
+    are without the forces of impacts, which act for an instant.
 
     Parameters
     ----------
     scene : Scene
         That of the histories.
     time : ndarray, shape (n,)
-        Times τ, nondimensional.
+        Times τ.
     horizontal, normal : ndarray, shape (realizations, n)
         Horizontal force, positive towards x > 0, and normal force, both over mg; nan after overturning.
 
@@ -61,9 +61,9 @@ class ContactForces:
 
     @functools.cached_property
     def friction(self) -> Array:
-        """Friction coefficient that a block needs so as not to slide, shape (realizations, n).
+        """Friction coefficient |H|/N that a block needs so as not to slide, shape (realizations, n).
 
-        It is |H|/N, inf where N <= 0: the corner leaves the floor there. nan after overturning.
+        It is inf where the corner leaves the floor, N <= 0, and nan after overturning.
         """
         pressed = self.normal > 0.0
         ratio = np.abs(self.horizontal) / np.where(pressed, self.normal, 1.0)
@@ -80,24 +80,14 @@ class ContactForces:
         return np.nanmin(self.normal, axis=1)
 
     def sliding(self, friction: ArrayLike) -> tuple[Number, Number]:
-        """Probability that a block with a friction coefficient slides at one of the times.
+        """Probability that a block with a friction coefficient slides at one of the times, and its standard error.
 
         Until then its motion is that of a block that cannot slide; what it does after sliding is not known.
 
         Parameters
         ----------
         friction : array_like
-            Coefficients μ, at least 0.
-
-        Returns
-        -------
-        probability, standard_error : ndarray or float
-            Part of the realizations that need more than μ, and its binomial standard error.
-
-        Raises
-        ------
-        TypeError, ValueError
-            A coefficient is not a number of 0 or more.
+            Coefficients μ, at least 0, else ValueError.
         """
         values = np.asarray(friction, float)
         if not np.all(values >= 0.0):
@@ -107,7 +97,7 @@ class ContactForces:
 
     @property
     def headline(self) -> str:
-        """One sentence (str): below which friction coefficient the block slides before it rocks, what rocking needs."""
+        """One sentence: below which friction coefficient the block slides before it rocks, and what rocking needs."""
         needed, count = self.needed, len(self.needed)
         typical = f" (median of {count:,} paths {np.median(needed):.3g})" if count > 1 else ""
         floor = f"the normal force falls to {self.least.min():.3g} of the weight"
@@ -128,20 +118,7 @@ def contact_forces(histories: Histories) -> ContactForces:
     Parameters
     ----------
     histories : Histories
-        Of a block with a size or a critical angle above 0, by any method but "white".
-
-    Returns
-    -------
-    ContactForces
-        `horizontal` and `normal`, (realizations, n) over mg at `time` (n,), and what follows: `friction`, `needed`,
-        `least`.
-
-    Raises
-    ------
-    TypeError
-        Not histories.
-    ValueError
-        The block has no critical angle, or its noise is white: forces are then unbounded.
+        Of a block with a size or a critical angle above 0, by any method but "white", under which forces are unbounded.
 
     Examples
     --------
@@ -170,11 +147,7 @@ def contact_forces(histories: Histories) -> ContactForces:
 
 
 def _total_force(scene, seed, count, steps_per_cycle, times):
-    """Return the force f (count, n), forcing plus noise, on the realizations 0, 1, ... of a `Scene`; nondimensional.
-
-    The noise is any but white. `times` (n,) are ascending times τ; `seed` and `steps_per_cycle` are those of the run,
-    `count` the number of realizations.
-    """
+    """Return forcing plus noise (count, n) on the first realizations at ascending `times` τ (n,)."""
     noise = scene.noise
     force = np.tile([scene.forcing.value(time) for time in times.tolist()], (count, 1))
     if noise.kind == "none":
@@ -194,10 +167,7 @@ class _Harmonics(NamedTuple):
 
 
 def _band_noise(scene, seed, count, times):
-    """Return band noise (count, n) at `times` τ (n,), without the factor of its envelope: the sum of its harmonics.
-
-    It is that of the realizations 0, 1, ... of a `seed`, `count` of them, of a `Scene`; nondimensional.
-    """
+    """Return band noise (count, n) without its envelope: the sum of its harmonics."""
     keys, values, band = stream_keys(seed), np.empty((count, times.size)), band_of_scene(scene, 2.0 * math.pi)
     for number in range(count):
         drawn = _Harmonics(*np.empty((3, band.harmonics)))
@@ -207,11 +177,7 @@ def _band_noise(scene, seed, count, times):
 
 
 def _filtered_noise(scene, seed, count, steps_per_cycle, times):
-    """Return filtered noise (count, n), nondimensional and without the factor of its envelope.
-
-    `times` (n,) are ascending times τ, the first 0 where the scene does not repeat. It is the noise of the realizations
-    0, 1, ... of a `seed`, `count` of them, in the intervals that `steps_per_cycle` sets, each with a polynomial.
-    """
+    """Return filtered noise (count, n) without its envelope, by its polynomials in the intervals of the run."""
     parameters = parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
     values = np.empty((count, times.size))
     _write_filtered_noise(stream_keys(seed), parameters, times / parameters.grid.spacing, values)
@@ -220,11 +186,9 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 
 @kernel
 def _write_filtered_noise(keys, parameters, places, values):
-    """Write to `values` (count, n) the filtered noise of realizations 0, 1, ..., without its envelope; nondimensional.
+    """Write the noise at `places` (n,), ascending times in units of the grid's intervals, to `values` (count, n).
 
-    `places` (n,): ascending times in units of the grid's intervals. Noise without a derivative is that of the parts of
-    its intervals, in which it lifts blocks off. `keys` (4,) uint64: those of the seed; `parameters`: those of the
-    engine `filtered`.
+    Noise without a derivative is that of the parts of its intervals, in which it lifts blocks off.
     """
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):

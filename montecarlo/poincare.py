@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import ArrayLike, Progress
+from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.scene.parts import Start
@@ -63,17 +63,6 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
         What becomes of overturned realizations in the mean: "clamped", they stay at the cut-off, as in the paper; "left
         out", they do not count.
 
-    Returns
-    -------
-    MeanMap
-        Named tuple: `points` and `standard_error`, (cycles + 1, 2), of angle and velocity; `counted`;
-        `overturned_after`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
-
     Examples
     --------
     >>> from fpk_rocking import load_scene
@@ -109,7 +98,8 @@ def restarted_poincare_map(
 
     The noise goes on in time: a realization of band noise is one function of time through all restarts, white noise is
     new in every cycle. Once all realizations have overturned, the map stays at their mean if they are clamped, and is
-    nan if they are left out.
+    nan if they are left out. Standard errors are those of averaging over one cycle: the map carries an error of a mean
+    on into the next cycles, which they do not contain; runs with other seeds show it.
 
     Parameters
     ----------
@@ -119,18 +109,6 @@ def restarted_poincare_map(
         What becomes of realizations that overturned within the cycle, as for `mean_poincare_map`.
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle. An exception that it raises ends the run.
-
-    Returns
-    -------
-    MeanMap
-        Named tuple: `points` and `standard_error`, (cycles + 1, 2), of angle and velocity; `counted`;
-        `overturned_after`. Its standard errors are those of averaging over one cycle. The map carries an error of a
-        mean on into the next cycles, which they do not contain; runs with other seeds show it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused, as by `montecarlo.simulate`.
 
     Examples
     --------
@@ -170,7 +148,8 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
 
     The number of pairs nearer than r grows like r to this power: 1 on a curve, 2 where a part of the plane is filled,
     and between them on a fractal (P. Grassberger, I. Procaccia, Physica D 9, 189-208, 1983). It is taken from the pairs
-    within both lengths, which have to lie above the noise of the points and below the extent of the set.
+    within both lengths, which have to lie above the noise of the points and below the extent of the set. It is nan
+    where no pair is nearer than `shortest`, and has no error of its own: repeat it with other points.
 
     Parameters
     ----------
@@ -178,16 +157,6 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
         For example Poincaré points; those with a nan are left out.
     shortest, longest : float
         Lengths r, 0 < shortest < longest, nondimensional; the angle and the velocity count alike.
-
-    Returns
-    -------
-    float
-        nan where no pair is nearer than `shortest`. It has no error of its own: repeat it with other points.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -210,27 +179,20 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
 
 
 def _refuse_unknown_rule(overturned):
-    """Raise ValueError for a rule `overturned` (str) that is neither "clamped" nor "left out"; return None."""
     if overturned not in ("clamped", "left out"):
         raise ValueError(checks.refusal("overturned", overturned, "'clamped' or 'left out'"))
 
 
 def _cycle_images(run, cycle):
-    """Return three arrays: angle and velocity before and after one cycle of a `Run`, and the side of overturning in it.
-
-    They are (realizations, 2), (realizations, 2), nondimensional, and (realizations,), -1, 1, or 0 for none; nan after
-    overturning. `cycle` is the number of the cycle.
-    """
+    """Return angle and velocity before and after a cycle, (realizations, 2), and the side of overturning in it."""
     batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in simulate_batches(run, cycle=cycle)]
     return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 
-def mean_state(angle, velocity, side, cutoff, overturned):
-    """Return (mean, standard_error, counted) of states: mean (2,) of angle and velocity, its error (2,), their number.
+def mean_state(angle: Array, velocity: Array, side: Array, cutoff: float, overturned: str) -> tuple[Array, Array, int]:
+    """Return the mean (2,) of angle and velocity (n,), its standard error (2,), and how many states count.
 
-    `angle`, `velocity` (n,), nondimensional, are nan after overturning, and then `side` (n,) is its side, -1 or 1.
-    `overturned`: "clamped", which counts these at the cut-off with velocity 0, or "left out". `cutoff`: the angle of
-    overturning. What is not defined is nan.
+    The states are nan after overturning to a `side` (n,); what is not defined is nan.
     """
     states, over = np.stack([angle, velocity]), np.isnan(angle)
     if overturned == "left out":
@@ -248,10 +210,7 @@ def mean_state(angle, velocity, side, cutoff, overturned):
 
 
 def _mean_map(rows, cutoff, deterministic):
-    """Return the named tuple `MeanMap` of `rows`, a list of what `_mean` returns, from τ = 0 on, one a cycle.
-
-    `deterministic` (bool): the standard errors are 0. `cutoff` is the angle of overturning, nondimensional.
-    """
+    """Return the `MeanMap` of rows from `mean_state`, one a cycle from τ = 0 on."""
     points, errors, counted = map(np.array, zip(*rows, strict=True))
     if deterministic:
         errors[counted > 0] = 0.0

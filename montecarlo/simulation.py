@@ -1,7 +1,4 @@
-"""Monte Carlo runs of a scene: `simulate`, `histories` and `tally`, by what they keep of the realizations.
-
-`simulate` keeps the states after every cycle, `histories` those between and the impacts, and `tally` counts alone.
-"""
+"""Monte Carlo runs of a scene: `simulate`, `histories` and `tally`, by what they keep of the realizations."""
 
 import time
 
@@ -60,12 +57,6 @@ def simulate(
         1/(the rate of a low-pass filter) and a quarter of that of the other filters. "exact" takes no steps.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of realizations. An exception that it raises ends the run.
-
-    Returns
-    -------
-    Ensemble
-        States `angle`, `velocity` (realizations, cycles + 1), times and sides of overturning; `survival`, `overturned`
-        and others by cycle.
 
     Raises
     ------
@@ -130,26 +121,13 @@ def histories(
 
     Parameters
     ----------
-    scene : Scene
-        Block, forcing, noise, start and overturning.
-    cycles, realizations, seed, method, steps_per_cycle, progress
+    scene, cycles, realizations, seed, method, steps_per_cycle, progress
         As for `montecarlo.simulate`.
     times : array_like, optional
         For a pulse or a record: ascending nondimensional times of the states. By default 1001 times until 10 units of
         time after its end.
     samples_per_cycle : int, optional
         Number of states in each cycle, at least 1; by default 100. Refused where the forcing does not repeat.
-
-    Returns
-    -------
-    Histories
-        States `angle`, `velocity` (realizations, n) at `time` (n,), overturnings, and all impacts: number of the path,
-        time τ and velocity.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused, as by `montecarlo.simulate`.
 
     Examples
     --------
@@ -187,11 +165,7 @@ def histories(
 
 
 def _batches_with_all_impacts(run, samples, progress):
-    """Yield each `Batch` of a `Run`, with `samples` (int) states a cycle and all impacts.
-
-    A batch with more impacts than there was space for is simulated again with enough. `progress`: a callable or None,
-    as of `simulate_batches`.
-    """
+    """Yield each `Batch` with all impacts: one with more than there was space for is simulated again."""
     capacity = TUNING.impacts_per_cycle * run.rows
     for batch in simulate_batches(run, samples=samples, capacity=capacity, progress=progress):
         needed = int(batch.impacts.count.max())
@@ -204,7 +178,7 @@ def _batches_with_all_impacts(run, samples, progress):
 
 
 def _impacts_of(batch):
-    """Return three arrays (impacts,) of the impacts of a `Batch`: realization, time τ and velocity just before."""
+    """Return realization, time τ and velocity just before of all impacts of a `Batch`, (impacts,) each."""
     recorded = np.arange(batch.impacts.time.shape[1]) < batch.impacts.count[:, None]
     return batch.first + np.nonzero(recorded)[0], batch.impacts.time[recorded], batch.impacts.velocity[recorded]
 
@@ -237,22 +211,11 @@ def tally(
         Number of realizations, 1 to 2**31 - 1. A deterministic scene needs no number, as for `simulate`.
     angle_edges, velocity_edges : array_like, optional
         Ascending edges of the bins that are counted, nondimensional. The default bins, 0.05 wide, are those that
-        comparisons and pictures need.
+        comparisons and pictures need. The histograms may take 512 MiB.
     checkpoint : path, optional
         File that keeps the state of the run. It is written from time to time, at the end, and when the run is
         interrupted. Where the file exists, the run goes on from it: `realizations` may then be larger than before, all
-        other parameters have to be the same. `Tally.load` reads it.
-
-    Returns
-    -------
-    Tally
-        `survival`, `overturned`, `mean`, `covariance` and others by cycle, and binned probabilities.
-
-    Raises
-    ------
-    TypeError, ValueError
-        As `simulate`; or the edges do not ascend, the histograms would take more than 512 MiB, or the checkpoint is
-        damaged or belongs to another run, and is then left as it is.
+        other parameters have to be the same, else ValueError. `Tally.load` reads it.
 
     Examples
     --------
@@ -273,7 +236,6 @@ def tally(
         counts, spent = resumed(checkpoint, run, counts)
 
     def result():
-        """Return the `Tally` of the realizations that have been counted so far."""
         wall_s = spent + time.perf_counter() - started
         return Tally(scene, run.method, run.seed, run.steps_per_cycle, wall_s, counts)
 
@@ -290,11 +252,7 @@ def tally(
 
 
 def _small_batches(run, first, progress, counts):
-    """Yield each `Batch` of a `Run` from realization number `first` on, none of more states than are held at once.
-
-    `counts`: the `Counts` to which the caller adds each of them; `progress`: a callable or None, called with the number
-    of realizations done and that of all.
-    """
+    """Yield each `Batch` from realization number `first` on, none of more states than are held at once."""
     most = max(1, TUNING.tally_states // (run.rows + 1))
     report = None if progress is None else lambda done, _: progress(done, run.realizations)
     for begin in range(first, run.realizations, most):
@@ -302,24 +260,15 @@ def _small_batches(run, first, progress, counts):
         yield from simulate_batches(piece, first=begin, progress=report, followed=int(counts.returns[0]))
 
 
-def _with_middles(edges):
-    """Return an ascending array (2n + 1,): edges (n + 1,), as they are to the last bit, and the middles of each two."""
-    return np.sort(np.concatenate([edges, 0.5 * (edges[1:] + edges[:-1])]))
-
-
 def _checked_edges(name, edges, default):
-    """Return edges of bins (n + 1,): a user's `edges` after a check, or for None the `default` ones and their middles.
-
-    ValueError for edges that do not ascend; `name` (str) is that of the parameter, for the message. `default` (m + 1,).
-    """
-    return _with_middles(default) if edges is None else ascending_edges(name, edges, finite=True)
+    """Return a user's edges of bins after a check, or the default ones and their middles."""
+    if edges is None:
+        return np.sort(np.concatenate([default, 0.5 * (default[1:] + default[:-1])]))
+    return ascending_edges(name, edges, finite=True)
 
 
 def _check_size(run, edges):
-    """Raise ValueError where histograms of a `Run` at all its times would take more than 512 MiB; return None.
-
-    `edges`: a pair of arrays (n + 1,), (m + 1,), those of the bins in angle and velocity.
-    """
+    """Refuse histograms at all times of a run that would take more than 512 MiB."""
     bins = [values.size - 1 for values in edges]
     most = TUNING.tally_bytes // (4 * bins[0] * bins[1]) - 1
     if most < 1:

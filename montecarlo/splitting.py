@@ -33,9 +33,8 @@ class Splitting(Result):
     """Probabilities of rare overturning, from independent repeats of adaptive multilevel splitting.
 
     The estimate of every repeat is unbiased for any number of walkers: its expectation is that of `simulate` with the
-    method "white" and the same `steps_per_cycle`. A nonlinear function of it, such as the logarithm, is biased.
-    `standard_error` follows from the scatter of the repeats. Where they are `skewed`, the mean and its error are
-    probably too small.
+    method "white" and the same `steps_per_cycle`. A nonlinear function of it, such as the logarithm, is biased. Where
+    the repeats are `skewed`, the mean and its error are probably too small.
 
     Parameters
     ----------
@@ -43,9 +42,7 @@ class Splitting(Result):
         The scene that was given to `split`.
     walkers : int
         Number of paths in each repeat.
-    seed : int
-        Seed of the random numbers.
-    steps_per_cycle : int
+    seed, steps_per_cycle : int
         As given to `split`.
     wall_s : float
         Seconds that the call took, compilation included.
@@ -79,12 +76,12 @@ class Splitting(Result):
 
     @property
     def repeats(self) -> int:
-        """Number of independent repeats (int)."""
+        """Number of independent repeats."""
         return self.repeat_overturned.shape[0]
 
     @property
     def cycles(self) -> int:
-        """Number of forcing cycles (int)."""
+        """Number of forcing cycles."""
         return self.repeat_overturned.shape[1] - 1
 
     @property
@@ -109,15 +106,14 @@ class Splitting(Result):
 
     @property
     def standard_error(self) -> Array:
-        """Standard error of `probability` and of `survival`, shape (cycles + 1,)."""
+        """Standard error of `probability` and of `survival` by the scatter of the repeats, shape (cycles + 1,)."""
         return self.repeat_probability.std(axis=0, ddof=1) / math.sqrt(self.repeats)
 
     @property
     def effective_repeats(self) -> Array:
-        """Effective number of repeats, (Σp)²/Σp² over their estimates p, shape (cycles + 1,).
+        """Effective number of repeats, (Σp)²/Σp² over their estimates p, shape (cycles + 1,); 0 where none overturned.
 
-        It is the number of repeats where all agree, 1 where one of them outweighs the others, and 0 where no repeat saw
-        a block overturn.
+        It is the number of repeats where all agree, and 1 where one of them outweighs the others.
         """
         squares = (self.repeat_probability**2).sum(axis=0)
         total = self.repeat_probability.sum(axis=0) ** 2
@@ -141,11 +137,11 @@ class Splitting(Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Plain values by name: walkers, seed, steps, seconds, repeats, extinct ones, "skewed", the relative error."""
+        """Plain values by name: walkers, seed, steps, seconds, repeats, extinct ones, and whether they are skewed."""
         return super().metadata | {name: getattr(self, name) for name in ("repeats", "extinct", "skewed")}
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return a list of `Diagnostic`: what speaks against the model, or the number of walkers and repeats."""
+        """Diagnostics of the model, and of the number of walkers and repeats."""
         diagnostics = super().model_diagnostics()
         if self.skewed:
             few = (
@@ -160,7 +156,7 @@ class Splitting(Result):
 
     @property
     def title(self) -> str:
-        """The last probability with its standard error, as a line of text (str)."""
+        """The last probability with its standard error, as a line of text."""
         error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
         return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
 
@@ -183,16 +179,10 @@ class Splitting(Result):
         )
 
     def plot(self) -> Any:
-        """Draw the probability of having overturned, with two standard errors, over the cycles.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
+        """Draw the probability of having overturned, with two standard errors, over the cycles: a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of
 
         def probability(_, axes):
-            """Draw the probability over the cycles on matplotlib `axes`; the first argument is not used."""
             from matplotlib.ticker import MaxNLocator
 
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
@@ -225,7 +215,8 @@ def split(
     Parameters
     ----------
     scene : Scene
-        With white noise and a restitution above exp(-π/√3).
+        With white noise (`Scene.white_equivalent` makes it), a restitution above exp(-π/√3) and a cycle that is not so
+        long that the work would take hundreds of megabytes, else ValueError.
     cycles : int
         Number of forcing cycles, at least 1. Splitting works towards overturning by the last of them.
     walkers : int
@@ -240,17 +231,6 @@ def split(
         number.
     progress : callable, optional
         Called as ``progress(done, total)`` between repeats. An exception that it raises ends the run.
-
-    Returns
-    -------
-    Splitting
-        `probability` of having overturned and its `standard_error`, (cycles + 1,), estimates of each repeat, and more.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused; the scene has other than white noise (`Scene.white_equivalent` replaces it); or its
-        cycle is so long that the work would take hundreds of megabytes.
 
     Examples
     --------
@@ -312,10 +292,7 @@ def split(
 
 
 def _refuse_large(name, number, each):
-    """Raise ValueError where `number` walkers of `each` steps, or repeats of `each` cycles, would take over 2.5 GiB.
-
-    `name`: "walkers" or "repeats", for the message; `number` and `each` are integers. Return None.
-    """
+    """Refuse walkers of `each` steps, or repeats of `each` cycles, that would take over 2.5 GiB."""
     if number * (each + 1) > TUNING.splitting_states:
         raise ValueError(
             checks.refusal(name, number, f"at most {TUNING.splitting_states // (each + 1)} with {each} steps of a path")

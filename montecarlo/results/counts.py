@@ -78,10 +78,10 @@ class Counts(NamedTuple):
 
 
 def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:
-    """Return the named tuple `Counts`, of zeros, for `times` τ (rows,) and edges of bins (n + 1,), nondimensional.
+    """Return `Counts` of zeros.
 
     The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
-    `fpk_rocking.scene.ranges.joint_edges`, which holds four standard deviations of the noise.
+    `joint_edges`, which holds four standard deviations of the noise.
     """
     bounds = scene.overturning.angle, 8.0 * joint_edges(scene)[1][-1]
     rows = len(times)
@@ -100,11 +100,8 @@ def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges:
 
 
 def add(counts: Counts, batch: Any) -> None:
-    """Add the realizations of a `Batch` (`montecarlo.engines.batches`) to `counts`, in place.
-
-    ValueError, and nothing is added, where a state is so large that the sums could overflow.
-    """
-    rows = _in_rows(batch.overturn_time, counts.times)
+    """Add the realizations of a `Batch` in place; ValueError, and nothing is added, where the sums could overflow."""
+    rows = np.interp(batch.overturn_time, counts.times, np.arange(float(len(counts.times))))
     if not _add(counts, batch.angle, batch.velocity, rows, batch.overturn_side, batch.returns):
         limits = " and ".join(f"{limit:g}" for limit in _RANGE * counts.quantum)
         raise ValueError(
@@ -113,20 +110,11 @@ def add(counts: Counts, batch: Any) -> None:
         )
 
 
-def _in_rows(time, times):
-    """Return, for each of n times `time` (n,), its place among `times` (rows,): an index with a fraction, (n,).
-
-    nan stays nan.
-    """
-    return np.interp(time, times, np.arange(float(len(times))))
-
-
 @kernel
 def _add(counts, angle, velocity, overturn_row, overturn_side, returns):
-    """Add a batch to the arrays of `Counts` in one call, which no interrupt can cut in two; return whether it was done.
+    """Add a batch in one call, which no interrupt can cut in two; return whether it was done.
 
-    `angle`, `velocity` (count, rows), nondimensional, are nan after overturning, `overturn_row` (count,) is the time of
-    it in rows, see `_in_rows`, and `overturn_side` (count,) is -1, 1, or 0 for none; `returns` (2,) are of the batch.
+    `overturn_row` (count,): time of overturning in rows, a place among the times with a fraction.
     """
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
@@ -152,10 +140,7 @@ def _add(counts, angle, velocity, overturn_row, overturn_side, returns):
 
 @kernel
 def _cycles_standing(angle, velocity, to_quanta):
-    """Return the number (int) of times at which a block stands, or -1 if one of its states is too large to be counted.
-
-    `angle`, `velocity` (rows,) are its states, nan after overturning; `to_quanta` (2,): 1 over the quantum of each.
-    """
+    """Return at how many times a block stands, or -1 if one of its states is too large to be counted."""
     k = 0
     while k < angle.size and not math.isnan(angle[k]):
         if not (abs(angle[k] * to_quanta[0]) <= _RANGE and abs(velocity[k] * to_quanta[1]) <= _RANGE):
@@ -166,11 +151,9 @@ def _cycles_standing(angle, velocity, to_quanta):
 
 @kernel
 def _passage(standing, time):
-    """Return the row (int) of `Counts.passages` in which an overturning is counted.
+    """Return the row of `Counts.passages` for an overturning at a `time` in rows, after `standing` rows.
 
-    `time` is that of overturning in rows (a float, see `_in_rows`), `standing` the number of rows at which the block
-    stood: what is gone at a time has passed since the one before.
-    That holds whatever rounding makes of a time near the ends; time 0 gives row 0.
+    What is gone at a time has passed since the one before, whatever rounding makes of a time near the ends.
     """
     part = math.ceil((time - (standing - 1)) * PARTS)
     return (standing - 1) * PARTS + min(max(part, 1), PARTS)
@@ -178,10 +161,7 @@ def _passage(standing, time):
 
 @kernel
 def _add_state(counts, k, angle, velocity, to_quanta):
-    """Add one state of a standing block at row k to `counts`, the `Counts`: to `standing`, `histogram` and sums.
-
-    `angle` and `velocity` are nondimensional; `to_quanta` (2,): 1 over the quantum of each.
-    """
+    """Add one state of a standing block at row k to `standing`, `histogram` and sums."""
     counts.standing[k] += 1
     i, j = _bin_of(counts.angle_edges, angle), _bin_of(counts.velocity_edges, velocity)
     if i >= 0 and j >= 0:
@@ -196,7 +176,7 @@ def _add_state(counts, k, angle, velocity, to_quanta):
 
 @kernel
 def _add_product(total, product):
-    """Add a `product` (int64) of two numbers of quanta to `total` (2,) int64, sums of high and of low halves."""
+    """Add a product of two numbers of quanta to `total` (2,), sums of high and of low halves."""
     high = product >> _HALF
     total[0] += high
     total[1] += product - (high << _HALF)
@@ -204,10 +184,7 @@ def _add_product(total, product):
 
 @kernel
 def _bin_of(edges, value):
-    """Return the index (int) of the bin of a `value` among ascending `edges` (n + 1,), from 0; -1 for none.
-
-    As in `numpy.histogram` the last bin is closed on both sides.
-    """
+    """Return the bin of a value among ascending `edges`, -1 for none; as in numpy the last one is closed."""
     low, high = 0, edges.size - 1
     if not edges[low] <= value <= edges[high]:
         return -1
@@ -221,10 +198,9 @@ def _bin_of(edges, value):
 
 
 def moments(counts: Counts) -> tuple[Array, Array]:
-    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks of `Counts`, nan where none stands.
+    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks, nan where none stands.
 
-    They are nondimensional, of angle and velocity at each of the times, and those of the rounded states, right to the
-    last digit whatever cancels: Python's integers have no end.
+    They are those of the rounded states, right to the last digit whatever cancels: Python's integers have no end.
     """
     mean = np.full(counts.sums.shape, math.nan)
     covariance = np.full((*counts.sums.shape, 2), math.nan)
@@ -243,13 +219,11 @@ def moments(counts: Counts) -> tuple[Array, Array]:
 class Sample(SurvivalResult):
     """What an ensemble and a tally have in common: survival from counts, with its sampling error.
 
-    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle` and `wall_s`. It has besides
-
-    * ``realizations``: their number;
-    * ``overturned_counts``: how many have overturned to the left and to the right, (cycles + 1, 2);
-    * ``returns``: how many paths that overturned were followed on to the fall, and how many of them came back, (2,);
-    * ``first_overturning``: earliest and latest time of overturning of the first realization, and the side; None if it
-      stands.
+    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle` and `wall_s`, and has `realizations`,
+    their number; `overturned_counts` (cycles + 1, 2), how many have overturned to the left and to the right; `returns`
+    (2,), how many paths that overturned were followed on to the fall, and how many of them came back;
+    `first_overturning`, earliest and latest time of overturning of the first realization, and the side; None if it
+    stands.
     """
 
     if TYPE_CHECKING:
@@ -287,7 +261,7 @@ class Sample(SurvivalResult):
         return settings | ({"outcome": self._outcome()} if self.deterministic else {})
 
     def _outcome(self):
-        """Return what the one path of a deterministic scene does as a text: whether, where and when it overturns."""
+        """Say whether, where and when the one path of a deterministic scene overturns."""
         if self.first_overturning is None:
             return f"deterministic: stands until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning
@@ -296,15 +270,11 @@ class Sample(SurvivalResult):
         return f"deterministic: overturns to the {'left' if side < 0 else 'right'} {when}"
 
     def _time_text(self, time):
-        """Return a `time` τ (float) as a text, with seconds where the size of the block is known."""
         size = self.scene.block.size
         return f"τ = {time:.4g}" + ("" if size is None else f" ({size.seconds(time):.3g} s)")
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of this sample beside its sampling error: of the model, and of the steps of a single path.
-
-        The model's are also those of blocks that count as overturned and come back.
-        """
+        """Diagnostics of the model, of blocks that overturn and come back, and of the steps of a single path."""
         error = 0.0 if self.interval is None else 0.5 * float(np.diff(self.interval[-1])[0])
         returning = return_diagnostics(self.scene, 1.0 - float(self.survival[-1]), error, self.returns)
         return super().model_diagnostics() + returning + (path_diagnostics(self.method) if self.deterministic else [])
@@ -328,7 +298,7 @@ class Sample(SurvivalResult):
         return f"P(overturned) = {over:z.4f} ± {half:#.2g} (95 %, sampling)"
 
     def summary(self) -> dict[str, Any]:
-        """Return a dict for JSON: noise, rows, metadata, survival, "interval" (95 %), overturned, verdict, remarks."""
+        """Plain values for JSON: noise, rows, metadata, survival, "interval" (95 %), overturned, verdict, remarks."""
         values = super().summary()
         interval = values.pop("survival_interval", None)
         return values if interval is None else values | {"interval": interval}
@@ -359,16 +329,12 @@ class Sample(SurvivalResult):
         return self.overturned_counts / self.realizations
 
     def survival_interval(self, level: float = 0.95) -> Array:
-        """Return Wilson's confidence limits of survival; of a deterministic scene survival itself, which is exact.
+        """Wilson's confidence limits of survival, (cycles + 1, 2); survival itself where nothing is random.
 
         Parameters
         ----------
         level : float
             Confidence of each interval, in (0, 1).
-
-        Returns
-        -------
-        ndarray, shape (cycles + 1, 2)
         """
         limits = wilson_interval(self.survivors, self.realizations, level)
         return np.stack([self.survival, self.survival], axis=-1) if self.deterministic else limits

@@ -1,7 +1,4 @@
-"""Results that keep every realization: an ensemble, its states after each cycle (or at given times), and histories.
-
-Histories have states within the cycles as well, and all impacts.
-"""
+"""Results that keep every realization: `Ensemble`, its states by cycle, and `Histories`, also those between."""
 
 import dataclasses
 import functools
@@ -28,14 +25,10 @@ class Ensemble(Saved, Sample):
 
     Parameters
     ----------
-    scene : Scene
-        The scene that was given to `simulate`.
+    scene, seed, steps_per_cycle
+        As given to `simulate`.
     method : str
         "exact", "rk4", "white" or "filtered".
-    seed : int
-        Seed of the random numbers.
-    steps_per_cycle : int
-        As given to `simulate`.
     wall_s : float
         Seconds that the call took, compilation included.
     times : ndarray, shape (cycles + 1,)
@@ -81,10 +74,7 @@ class Ensemble(Saved, Sample):
 
     @property
     def at_rest(self) -> Array:
-        """Part of the realizations (cycles + 1,) at rest, angle and velocity 0: a part of survival.
-
-        Under white noise no block rests after the start.
-        """
+        """Part of the realizations (cycles + 1,) at rest; under white noise no block rests after the start."""
         return np.count_nonzero((self.angle == 0.0) & (self.velocity == 0.0), axis=0) / self.realizations
 
     @functools.cached_property
@@ -100,10 +90,7 @@ class Ensemble(Saved, Sample):
         return (time, time, side) if side else None
 
     def _binned(self, row, edges):
-        """Return the shares of all realizations that stand in each bin at a `row`, shape (angle bins, velocity bins).
-
-        `row` (int) is the number of a time; `edges` are a pair of arrays, bin edges in angle and velocity.
-        """
+        """Return the shares of all realizations that stand in each bin at a row."""
         standing = np.isfinite(self.angle[:, row])
         points = self.angle[standing, row], self.velocity[standing, row]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
@@ -129,24 +116,18 @@ class Histories(Saved, Result):
 
     Parameters
     ----------
-    scene : Scene
-        The scene that was given to `histories`.
+    scene, seed, steps_per_cycle, samples_per_cycle
+        As given to `histories`.
     method : str
         "exact", "rk4", "white" or "filtered".
-    seed : int
-        Seed of the random numbers.
-    steps_per_cycle, samples_per_cycle : int
-        As given to `histories`.
     wall_s : float
         Seconds that the call took, compilation included.
     time : ndarray, shape (n,)
         Times τ of the states, equally spaced from 0 where the forcing repeats.
     angle, velocity : ndarray, shape (realizations, n)
         States; nan after overturning.
-    overturn_time : ndarray, shape (realizations,)
-        Time τ of overturning; nan for a block that stands.
-    overturn_side : ndarray of int8, shape (realizations,)
-        -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
+    overturn_time, overturn_side : ndarray, shape (realizations,)
+        As of `Ensemble`.
     impact_realization : ndarray of int, shape (n_impacts,)
         Number of the realization of each impact, ascending; the impacts of a realization are in the order of time.
     impact_time, impact_velocity : ndarray, shape (n_impacts,)
@@ -196,17 +177,17 @@ class Histories(Saved, Result):
         return np.bincount(self.impact_realization, minlength=self.realizations)
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return a list of `Diagnostic`: on the model, and on the time steps of a path where nothing is random."""
+        """Diagnostics of the model, and of the time steps of a path where nothing is random."""
         return super().model_diagnostics() + (path_diagnostics(self.method) if self.scene.deterministic else [])
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok", as a sentence: single paths have no sampling error."""
+        """Reason of the verdict "ok": single paths have no sampling error."""
         return EXACT_PATH if self.scene.deterministic else "These are single paths: nothing is estimated from them."
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Plain values by name: method, seed, steps and samples in a cycle, "realizations", and "wall_s" in seconds."""
+        """Plain values by name: method, seed, steps and samples in a cycle, realizations, and seconds."""
         return super().metadata | {"realizations": self.realizations}
 
     @property
@@ -239,35 +220,26 @@ class Histories(Saved, Result):
         )
 
     def plot(self, realizations: int = 3) -> Any:
-        """Draw angle against time, and paths in the phase plane.
+        """Draw angle against time, and paths in the phase plane: a matplotlib figure.
 
         Parameters
         ----------
         realizations : int
             How many to draw, from the first on.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
         """
         from fpk_rocking.results.pictures import figure_of
 
         def angles(_, axes):
-            """Draw the angles over time on matplotlib `axes`; the first argument is not used."""
             axes.plot(self.time, self.angle[:realizations].T, linewidth=0.9)
             axes.set(xlabel="time τ", ylabel="angle Θ")
 
         def plane(_, axes):
-            """Draw the paths in the phase plane on matplotlib `axes`; the first argument is not used."""
             axes.plot(self.angle[:realizations].T, self.velocity[:realizations].T, linewidth=0.7)
             axes.set(xlabel="angle Θ", ylabel="velocity dΘ/dτ")
 
         return figure_of(angles, plane)
 
     def poincare(self) -> tuple[Array, Array]:
-        """Return angle and velocity at the whole cycles, each of shape (realizations, cycles + 1).
-
-        Both are nan after overturning.
-        """
+        """Angle and velocity at the whole cycles, (realizations, cycles + 1) each; nan after overturning."""
         refuse_transient(self.scene.forcing, "a Poincaré map")
         return self.angle[:, :: self.samples_per_cycle], self.velocity[:, :: self.samples_per_cycle]

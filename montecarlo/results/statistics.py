@@ -1,7 +1,6 @@
 """Statistics of samples with their sampling errors: first-passage times, impact speeds, the rate of overturning.
 
-Intervals of densities are Wilson's. The bins of one histogram are not independent of each other: each interval has its
-level alone.
+Intervals of densities are Wilson's. Each bin's interval has its level alone: the bins depend on each other.
 """
 
 import numbers
@@ -61,16 +60,6 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
     level : float
         Confidence of each interval, in (0, 1).
 
-    Returns
-    -------
-    Histogram
-        Named tuple: `edges`, `counts`, `density` (n,) per unit of τ, and its limits `interval` (n, 2).
-
-    Raises
-    ------
-    TypeError, ValueError
-        The edges or the level are refused.
-
     Examples
     --------
     >>> from fpk_rocking import load_scene
@@ -98,22 +87,11 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
     Parameters
     ----------
     histories : Histories
-        At least two realizations of them have an impact.
+        At least two realizations of them have an impact, else ValueError.
     edges : array_like, shape (n + 1,)
         Ascending speeds; bins are closed to the left, the last one to both sides.
     level : float
         Confidence of each interval, in (0, 1).
-
-    Returns
-    -------
-    Histogram
-        Named tuple: `edges`, `counts`, `density` (n,) per unit of speed, nondimensional, and its limits,
-        `interval` (n, 2).
-
-    Raises
-    ------
-    TypeError, ValueError
-        The edges or the level are refused, or too few realizations had an impact.
 
     Examples
     --------
@@ -149,18 +127,15 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
 def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
     """Return the sampling error of each bin's probability, as `Ensemble.bin_probabilities` estimates them.
 
+    It is half the width of Wilson's interval of one standard deviation: √(p (1 - p)/n) in a bin of many realizations,
+    and about 1/(2 n) in an empty one, where that would be 0.
+
     Parameters
     ----------
     probabilities : array_like
         Estimates, each a count over `realizations`.
     realizations : int
         Size of the sample.
-
-    Returns
-    -------
-    ndarray, shape of the probabilities
-        Half the width of Wilson's interval of one standard deviation: √(p (1 - p)/n) in a bin of many realizations, and
-        about 1/(2 n) in an empty one, where that would be 0.
 
     Examples
     --------
@@ -174,10 +149,7 @@ def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
 
 
 def _histogram(edges, counts, trials, interval):
-    """Return the named tuple `Histogram` of `counts` (n,) in bins of `edges` (n + 1,).
-
-    `trials`: number of all values, in the bins or not; `interval` (n, 2): limits of the share of each bin.
-    """
+    """Return the `Histogram` of counts among `trials` values, by limits of each bin's share (n, 2)."""
     widths = np.diff(edges)
     return Histogram(edges, counts, counts / trials / widths, interval / widths[:, None])
 
@@ -209,7 +181,11 @@ class Rate(NamedTuple):
 
 
 def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: int | None = None) -> Rate:
-    """Estimate the rate of overturning of the blocks that still stand after some cycles.
+    """Estimate the rate of overturning per forcing cycle of the blocks that still stand after some cycles.
+
+    The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936) and supposes that all
+    blocks have the same rate. Under band noise they have not: its frequencies are drawn once for each block, and blocks
+    in greater danger overturn earlier.
 
     Parameters
     ----------
@@ -221,19 +197,6 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
         Confidence of the interval, in (0, 1).
     side : {None, -1, 1}
         Side to which blocks overturn that count: -1 left, 1 right, None either.
-
-    Returns
-    -------
-    Rate
-        Named tuple: `rate` per forcing cycle, its limits `interval` (2,), and `count`, overturned blocks. The interval
-        is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936) and supposes that all blocks have
-        the same rate. Under band noise they have not: its frequencies are drawn once for each block, and blocks in
-        greater danger overturn earlier.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused, the scene is deterministic, or no block stands after these cycles.
 
     Examples
     --------

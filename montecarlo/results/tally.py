@@ -20,18 +20,14 @@ class Tally(Saved, Sample):
 
     Parameters
     ----------
-    scene : Scene
-        The scene that was given to `tally`.
+    scene, seed, steps_per_cycle
+        As given to `tally`.
     method : str
         "exact", "rk4", "white" or "filtered".
-    seed : int
-        Seed of the random numbers.
-    steps_per_cycle : int
-        As given to `tally`.
     wall_s : float
         Seconds that all parts of the run took, compilation included.
     counts : Counts
-        The counts themselves, from which all else here follows (`montecarlo.results.counts`).
+        The counts themselves, from which all else here follows.
 
     Examples
     --------
@@ -70,13 +66,13 @@ class Tally(Saved, Sample):
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:
-        """Edges of the bins in pictures and tables: angles (n + 1,) and velocities (m + 1,), nondimensional."""
+        """Edges of the bins in pictures and tables: angles (n + 1,) and velocities (m + 1,)."""
         usual, counted = super().bin_edges, (self.counts.angle_edges, self.counts.velocity_edges)
         return usual if all(np.isin(*pair).all() for pair in zip(usual, counted, strict=True)) else counted
 
     @property
     def returns(self) -> Array:
-        """How many paths that overturned were followed on to the fall, and how many of these came back: ints, (2,)."""
+        """How many paths that overturned were followed on to the fall, and how many of these came back, (2,)."""
         return self.counts.returns
 
     @functools.cached_property
@@ -86,10 +82,7 @@ class Tally(Saved, Sample):
 
     @property
     def first_overturning(self) -> tuple[float, float, int] | None:
-        """(begin, end, side): times τ between which the first block overturned, -1 or 1; None if all stand.
-
-        They are the ends of a 20th of the time between two rows.
-        """
+        """Times τ, a 20th of a row apart, between which the first block overturned, and the side; None if all stand."""
         rows, sides = np.nonzero(self.counts.passages)
         if not rows.size:
             return None
@@ -120,23 +113,15 @@ class Tally(Saved, Sample):
 
     @property
     def covariance(self) -> Array:
-        """Covariance of angle and velocity of the blocks that stand, shape (cycles + 1, 2, 2); nan where none does.
-
-        The divisor is the number of blocks.
-        """
+        """Covariance of angle and velocity of the blocks that stand, over their number, shape (cycles + 1, 2, 2)."""
         return self._moments[1]
 
     @functools.cached_property
     def _moments(self):
-        """Mean (cycles + 1, 2) and covariance (cycles + 1, 2, 2), a pair; see `mean` and `covariance`."""
         return moments(self.counts)
 
     def _binned(self, row, edges):
-        """Return the shares of all realizations that stand in each bin at a `row`, shape (angle bins, velocity bins).
-
-        `row` (int) is the number of a time; `edges` are a pair of arrays, bin edges in angle and velocity, which have
-        to be among the counted ones, else ValueError.
-        """
+        """Return the shares of all realizations that stand in each bin at a row; edges are to be counted ones."""
         histogram = self.counts.histogram[row]
         angles = _edge_numbers("angle_edges", edges[0], self.counts.angle_edges)
         velocities = _edge_numbers("velocity_edges", edges[1], self.counts.velocity_edges)
@@ -146,10 +131,7 @@ class Tally(Saved, Sample):
 
 
 def _edge_numbers(name, edges, counted):
-    """Return the indices (n,) of int that bin edges `edges` (n,) have among the `counted` ones (m,).
-
-    ValueError for an edge that is not among them; `name` is that of the parameter, for the message.
-    """
+    """Return the places (n,) of bin edges among the `counted` ones, or refuse the parameter `name`."""
     accepted = (
         f"two or more of the {counted.size} edges kept, ascending from {counted[0]:g} to {counted[-1]:g} "
         f"with the least distance {np.diff(counted).min():g}; others: tally with {name} of your own"
@@ -167,12 +149,7 @@ def _edge_numbers(name, edges, counted):
 class Checkpoint:
     """Keeps a tally in a file: at once, so that a path that cannot be written is refused early, then now and then.
 
-    Parameters
-    ----------
-    path : path or None
-        None keeps nothing.
-    done : int
-        Realizations that the file holds already.
+    `path` None keeps nothing; `done` realizations are in the file already.
     """
 
     least_s = 30.0
@@ -190,7 +167,7 @@ class Checkpoint:
         return self._path is not None and time.perf_counter() >= self._due
 
     def save(self, tally: Tally) -> None:
-        """Save a `Tally`, unless the file holds as many realizations already."""
+        """Save, unless the file holds as many realizations already."""
         if self._path is None or tally.realizations == self._done:
             return
         began = time.perf_counter()
@@ -200,29 +177,7 @@ class Checkpoint:
 
 
 def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
-    """Return the counts of a checkpoint and the seconds spent on them.
-
-    Parameters
-    ----------
-    path : path
-        File of the checkpoint, a saved `Tally`.
-    run : montecarlo.engines.Run
-        The run that goes on from it: scene, times, seed, method, steps and number of realizations.
-    empty : Counts
-        Counts of no realization of this run, which have the edges of its bins.
-
-    Returns
-    -------
-    counts : Counts
-        Those of the file, in arrays that can be written to.
-    spent : float
-        Seconds that all parts of the run took so far.
-
-    Raises
-    ------
-    ValueError
-        The file is not a saved tally, is damaged, is of another run, or holds more realizations than are asked for.
-    """
+    """Return the counts of a checkpoint, to be written to, and the seconds spent; ValueError for another run."""
     try:
         saved = Tally.load(path)
     except ValueError as error:
@@ -242,15 +197,10 @@ def resumed(path: File, run: Any, empty: Counts) -> tuple[Counts, float]:
 
 
 def _rows_text(run):
-    """Return a text, "cycles 4" or "21 times up to 30", of a `Run` or a `Tally`."""
     if run.scene.period is None:
         return f"{len(run.times) - 1} times up to {run.times[-1]:g}"
     return f"cycles {len(run.times) - 1}"
 
 
 def _other_run_error(path, got, accepted):
-    """Return the ValueError for a checkpoint at a `path` that belongs to another run.
-
-    `got` and `accepted` are texts: what it is of, and what this run needs.
-    """
     return ValueError(f"checkpoint: got {path} with {got}, accepted: {accepted}, or the name of a new file")
