@@ -13,7 +13,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import block as forces
+from fpk_rocking.physics.motion import floor as forces
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
 from montecarlo.engines.filtered import parameters_of, workspace_of

@@ -8,7 +8,7 @@ the time τ₀ passes the other saddle with the excess energy (paper eqs. 12 to 
 
 for the orbit from left to right. Where it is positive, blocks cross the separatrix and leave. This is for a slender
 block. With a critical angle α > 0 the energy is v²/2 - (1 - cos φ)/α², φ = α (1 - |x|). The kernel v cos φ takes the
-place of v₀ in the integral, and M = (1 - e²) (2/α²) sin²(α/2), see `physics.motion.block`.
+place of v₀ in the integral, and M = (1 - e²) (2/α²) sin²(α/2), see `physics.motion.separatrix`.
 """
 
 import math
@@ -19,7 +19,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
-from fpk_rocking.physics.motion.block import kernel_halves, separatrix_orbit, separatrix_speed
+from fpk_rocking.physics.motion.separatrix import kernel_halves, separatrix_orbit, separatrix_speed
 from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import noise_variance
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise

@@ -85,18 +85,18 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     between: to import an integrator would take longer. A step meets the time `end`. `dynamics` are those of the scene,
     with its noise. All are nondimensional.
     """
-    block, forcing, envelope = dynamics.block, dynamics.forcing, dynamics.envelope
+    block, envelope = dynamics.block, dynamics.envelope
     alpha, saddle, scale = block.critical_angle, block.saddles[side > 0], block.scales[side > 0]
 
     def rates(time, state):
         """Return time derivatives (5,) of `state` (5,): means x, v and covariances xx, xv, vv, at `time`."""
         x, v, xx, xv, vv = state.tolist()
-        phi, force = alpha * (saddle - side * x), forcing.value(time)
+        phi, force = alpha * (saddle - side * x), dynamics.force(time)
         sine, cosine = scale * math.sin(phi), scale * math.cos(phi)
         stiff = cosine + side * force * alpha * sine
         noise = 2.0 * dynamics.diffusion * cosine**2
         if envelope is not None:
-            noise *= max(envelope.value(time) ** 2, dynamics.least_intensity)
+            noise *= max(envelope.value(time + dynamics.origin) ** 2, dynamics.least_intensity)
         return np.array([v, force * cosine - side * sine / alpha, 2.0 * xv, vv + stiff * xx, 2.0 * stiff * xv + noise])
 
     (xx, xv), (_, vv) = gaussian.covariance

@@ -14,8 +14,7 @@ import numpy as np
 
 from fpk_rocking.base.basis import find_cells, gauss_legendre, legendre_basis, locate
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.motion.block import largest_correction
-from fpk_rocking.physics.motion.equation import block_of_scene
+from fpk_rocking.physics.motion.equation import block_of_scene, largest_correction
 
 
 def graded_lines(half_width, cells, exponent):

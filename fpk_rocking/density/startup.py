@@ -63,7 +63,7 @@ class StartUp:
         self.longest = period + self._waiting
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
-        self._side = 1 if (x or v or dynamics.forcing.value(0.0)) > 0.0 else -1
+        self._side = 1 if (x or v or dynamics.force(0.0)) > 0.0 else -1
         self._exact = dynamics.block.critical_angle is not None
         self._flight = exact_flight(self._initial, dynamics, self.longest, self._side) if self._exact else None
         self._longest_flight = TUNING.exact_flight * settings.growth if self._exact else math.inf
@@ -235,7 +235,7 @@ class StartUp:
         """
         time, growth = now.time, self.settings.growth
         dynamics = self.dynamics.averaged_over(time, 1e-6 * self._cycle)
-        gap, change = dynamics.rest_gap(time), abs(dynamics.forcing.slope(time))
+        gap, change = dynamics.rest_gap(time), abs(dynamics.forcing.slope(time + dynamics.origin))
         if gap > 0.0:
             lifting = min(dynamics.diffusion / gap**2, _crossing_time(dynamics, change))
             part = TUNING.rattle_step * lifting

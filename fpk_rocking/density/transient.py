@@ -31,7 +31,7 @@ from fpk_rocking.density.startup import StartUp, takeover_step
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Step, mark_massive_cells
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.motion.block import contact_laws, saddle_speed
+from fpk_rocking.physics.motion.equation import contact_laws, saddle_speed
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 

@@ -15,6 +15,7 @@ import numpy as np
 from fpk_rocking.base.arrays import borrowed, load
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
+from fpk_rocking.physics.motion.collocation import NODES
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     block_of_scene,
@@ -24,7 +25,7 @@ from fpk_rocking.physics.motion.equation import (
     segment_from_particular,
 )
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, chord_clearance
-from fpk_rocking.physics.motion.intervals import NODES, Interval, interval_tables
+from fpk_rocking.physics.motion.intervals import Interval, interval_tables
 from fpk_rocking.physics.noise.band import OVERSAMPLING, interpolant_polynomials, window_compensation, write_product
 from fpk_rocking.physics.noise.envelope import EnvelopePieces, envelope_pieces, largest_envelope
 from montecarlo.engines.band_noise import (

@@ -12,9 +12,9 @@ import numpy as np
 from fpk_rocking.base.arrays import load, store
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
-from fpk_rocking.physics.motion.block import force_series
+from fpk_rocking.physics.motion.collocation import NODES, PLACES, FlightTables, flight_tables
 from fpk_rocking.physics.motion.events import can_lift_off
-from fpk_rocking.physics.motion.intervals import NODES, PLACES, FlightTables, flight_tables
+from fpk_rocking.physics.motion.slender import force_series
 from fpk_rocking.physics.noise.band import noise_at_points
 from montecarlo.engines.band_noise import CHUNK, interpolate, largest_noise, sample_and_part
 from montecarlo.engines.engine import Engine

@@ -11,8 +11,8 @@ import numpy as np
 
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.block import forced_response, particular_at, particular_series
 from fpk_rocking.physics.motion.flight import homogeneous_flight
+from fpk_rocking.physics.motion.slender import forced_response, particular_at, particular_series
 from fpk_rocking.physics.noise.band import WIDTH
 from montecarlo.engines.band_noise import CHUNK
 from montecarlo.engines.engine import Engine

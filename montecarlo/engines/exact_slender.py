@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion.block import particular_at
 from fpk_rocking.physics.motion.flight import exponential_parts, folded_angle
 from fpk_rocking.physics.motion.impact import side_of_start
 from fpk_rocking.physics.motion.intervals import cross_interval, state_in_interval
+from fpk_rocking.physics.motion.slender import particular_at
 from fpk_rocking.physics.noise.band import WIDTH, divide_by_stiffness, noise_slope
 from montecarlo.engines.band_noise import (
     CHUNK,

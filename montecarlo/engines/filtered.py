@@ -25,7 +25,7 @@ from fpk_rocking.base.arrays import borrowed, load
 from fpk_rocking.base.basis import bernstein_basis
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
-from fpk_rocking.physics.motion.block import cosh_sinh, force_series, forced_response, particular_at
+from fpk_rocking.physics.motion.collocation import NODES, PLACES, FlightTables, flight_tables
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     block_of_scene,
@@ -37,7 +37,7 @@ from fpk_rocking.physics.motion.equation import (
 )
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, surely_eventless
 from fpk_rocking.physics.motion.flight import homogeneous_flight
-from fpk_rocking.physics.motion.intervals import NODES, PLACES, FlightTables, flight_tables
+from fpk_rocking.physics.motion.slender import force_series, forced_response, particular_at
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.filtered_noise import (
     EnvelopeTables,
@@ -129,7 +129,7 @@ def parameters_on_grid(scene, grid):
         block_of_scene(scene),
         start_parameters(scene.start),
         grid,
-        cosh_sinh(span),
+        np.array([math.cosh(span), math.sinh(span)]),
         noise_tables(scene.noise, span),
         envelope_tables(envelope, grid, degree),
         force if scene.block.critical_angle else forced,

@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base.jit import map_threads
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import force_series
+from fpk_rocking.physics.motion.slender import force_series
 from montecarlo.engines import engine_of
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.engines.exact import eventless_angles

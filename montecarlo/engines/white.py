@@ -23,7 +23,6 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
-from fpk_rocking.physics.motion.block import cosh_sinh
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     Segment,
@@ -34,12 +33,12 @@ from fpk_rocking.physics.motion.equation import (
 )
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
 from fpk_rocking.physics.motion.flight import (
-    accumulated_covariance,
     covariance_factor,
     flight_covariance,
     homogeneous_flight,
     slender_flight_end,
 )
+from fpk_rocking.physics.motion.slender import accumulated_covariance
 from fpk_rocking.physics.noise.envelope import mean_squares
 from montecarlo.engines.barriers import draw_bounce, nystrom_step, reflect_draw, step_near_barrier
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
@@ -141,7 +140,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
         start_parameters(scene.start),
         particular,
         *tables,
-        cosh_sinh(span),
+        np.array([math.cosh(span), math.sinh(span)]),
         _noise_factors(diffusions, envelope, span),
         scene.forcing.time_scale / (TUNING.finest_step * steps_per_cycle),
         TUNING.bounce_time * span,

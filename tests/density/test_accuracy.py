@@ -16,7 +16,7 @@ from fpk_rocking.density.space import Space, graded_lines
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.physics.motion.equation import KernelBlock
-from fpk_rocking.physics.motion.flight import shear_diffusion_variances
+from fpk_rocking.physics.motion.slender import shear_diffusion_variances
 from fpk_rocking.scene import Start
 
 QUADRATURE = Quadrature(5, 5, 5, 2)

@@ -135,7 +135,7 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
     run._sticking = Sticking(run.dynamics, times[-1], run._forgetting)
     late = run._injection(origin, 1.0, Start(), np.arange(origin, 12.0, 0.2)).startup.dynamics
     for time in (0.0, 0.9, 3.0):
-        assert late.forcing.value(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
+        assert late.force(time) == pytest.approx(1.3 * np.sin(0.5 * (origin + time)), abs=1e-12)
         strength = run.dynamics.averaged_over(origin + time, 0.1).diffusion
         assert late.averaged_over(time, 0.1).diffusion == pytest.approx(strength, rel=1e-12)
         assert late.covariance(time, 0.4) == pytest.approx(run.dynamics.covariance(origin + time, 0.4), rel=1e-12)

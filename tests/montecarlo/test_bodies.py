@@ -24,8 +24,8 @@ from fpk_rocking import (
     Start,
     WhiteNoise,
 )
-from fpk_rocking.physics.motion.block import SidesOfContact
-from fpk_rocking.physics.motion.block import contact_forces as forces_at
+from fpk_rocking.physics.motion.floor import SidesOfContact
+from fpk_rocking.physics.motion.floor import contact_forces as forces_at
 from montecarlo import histories, simulate
 
 LENGTHS = 1.1, 0.30, 0.38, 0.62

@@ -10,7 +10,7 @@ from transient_paths import ForcedBlock, followed, random_scene
 
 from fpk_rocking import FilteredNoise
 from fpk_rocking.envelopes import Exponential, Trapezoid
-from fpk_rocking.physics.motion.intervals import PLACES
+from fpk_rocking.physics.motion.collocation import PLACES
 from fpk_rocking.physics.noise import band
 from fpk_rocking.scene import BandNoise, Block, Harmonic, NoNoise, Overturning, Pulse, Record, Scene, Start
 from montecarlo import histories, restarted_poincare_map, simulate, tally

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from fpk_rocking import BandNoise, Block, Dimensions, FilteredNoise, Harmonic, NoNoise, Pulse, Scene, Start, WhiteNoise
 from fpk_rocking.envelopes import Trapezoid
-from fpk_rocking.physics.motion.block import contact_forces as forces_at
+from fpk_rocking.physics.motion.floor import contact_forces as forces_at
 from montecarlo import contact_forces, histories
 
 SIZE = Dimensions(0.5, 1.8)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fpk_rocking.physics.motion.block import largest_correction, saddle_speed
+from fpk_rocking.physics.motion.equation import largest_correction, saddle_speed
 
 
 @pytest.mark.parametrize("force", [0.0, 0.4, 0.9])

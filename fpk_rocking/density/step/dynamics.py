@@ -14,17 +14,20 @@ import numpy as np
 from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.forcing import Force
+from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.physics.motion import TERMS, lift_off
-from fpk_rocking.physics.motion.block import affine_flights, contact_laws, force_factors, tilt_angle
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     acceleration_bounds,
     block_of_scene,
+    contact_laws,
     force_factor,
+    force_factors,
     segment_from_particular,
+    tilt_angle,
 )
-from fpk_rocking.physics.motion.flight import accumulated_covariance, flight_covariance
+from fpk_rocking.physics.motion.flight import flight_covariance
+from fpk_rocking.physics.motion.slender import accumulated_covariance, affine_flights
 from fpk_rocking.physics.noise.envelope import Envelope
 
 
@@ -79,7 +82,7 @@ class Dynamics:
 
     Parameters
     ----------
-    forcing : Force
+    forcing : Forcing
     diffusion : float
         D.
     block : KernelBlock
@@ -87,13 +90,16 @@ class Dynamics:
         g, where the diffusion is D g².
     least_intensity : float
         Least g² of a step.
+    origin : float
+        Time of the forcing and of g at which times here are 0.
     """
 
-    forcing: Force
+    forcing: Forcing
     diffusion: float
     block: KernelBlock
     envelope: Envelope | None = None
     least_intensity: float = TUNING.least_intensity
+    origin: float = 0.0
 
     @classmethod
     def of(cls, scene):
@@ -102,8 +108,11 @@ class Dynamics:
 
     def later(self, time):
         """Return the `Dynamics` whose times count from a `time` on, nondimensional."""
-        envelope = self.envelope and self.envelope.shifted(time)
-        return dataclasses.replace(self, forcing=self.forcing.shifted(time), envelope=envelope)
+        return dataclasses.replace(self, origin=self.origin + time)
+
+    def force(self, time):
+        """Return the force f at a `time`."""
+        return self.forcing.value(time + self.origin)
 
     def averaged_over(self, start, duration):
         """Return the `Dynamics` with a constant diffusion, over a step from `start` of a `duration`.
@@ -112,7 +121,7 @@ class Dynamics:
         """
         if self.envelope is None:
             return self
-        begin, end = self.envelope.squared_integral(np.array([start, start + duration]))
+        begin, end = self.envelope.squared_integral(np.array([start, start + duration]) + self.origin)
         mean = max((end - begin) / duration, self.least_intensity)
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
@@ -125,7 +134,7 @@ class Dynamics:
             return flight_covariance(self.diffusion, duration)
         points, weights = gauss_legendre(16)
         late = duration * points[::-1]
-        strength = np.maximum(self.envelope.value(start + duration - late) ** 2, self.least_intensity)
+        strength = np.maximum(self.envelope.value(start + duration - late + self.origin) ** 2, self.least_intensity)
         weights = 2.0 * self.diffusion * duration * weights * strength
         return tuple(float(part) for part in accumulated_covariance(weights, late))
 
@@ -134,7 +143,8 @@ class Dynamics:
 
         It has coefficients (TERMS,) of P and f in the time since the start, and bounds of f.
         """
-        return segment_from_particular(self.forcing.particular_over(start, duration), np.empty(TERMS), duration)
+        particular = self.forcing.particular_over(start + self.origin, duration)
+        return segment_from_particular(particular, np.empty(TERMS), duration)
 
     def affine(self, start, duration):
         """Return the flights of both sides, without noise and events, over a `duration` from `start`: `AffineFlights`.
@@ -142,7 +152,8 @@ class Dynamics:
         They are a named tuple of cosh and sinh of the duration, and shifts (3, 2) by side. Of an exact block it is that
         whose acceleration is right at zero angle; `FreeFlight` adds the rest.
         """
-        particular = (value for time in (start, start + duration) for value in self.forcing.particular(time))
+        ends = start, start + duration
+        particular = (value for time in ends for value in self.forcing.particular(time + self.origin))
         return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
@@ -154,7 +165,7 @@ class Dynamics:
         if self.block.critical_angle is None:
             return None
         shifts = self.affine(start, 0.5 * duration).shifts[:, 0]
-        return Excess(self.block, float(self.forcing.value(start + 0.5 * duration)), shifts)
+        return Excess(self.block, float(self.force(start + 0.5 * duration)), shifts)
 
     @property
     def largest_factor(self):
@@ -177,7 +188,7 @@ class Dynamics:
 
         All are nondimensional.
         """
-        (left, right), force = self._lift_off_levels, self.forcing.value(time)
+        (left, right), force = self._lift_off_levels, self.force(time)
         return min(right - force, left + force)
 
     def since_lift_off(self, time):
@@ -197,9 +208,9 @@ class Dynamics:
         """
         force, earlier = _forcing_in_units_of(self.forcing, level), 0.0
         while earlier <= time:
-            since, slope = force.since_lift_off(time - earlier)
+            since, slope = force.since_lift_off(time - earlier + self.origin)
             crossed = time - earlier - since
-            if side is None or math.isinf(since) or side * self.forcing.value(crossed) > 0.0:
+            if side is None or math.isinf(since) or side * self.force(crossed) > 0.0:
                 return earlier + since, level * slope
             earlier += since + 1e-9 * self.forcing.shortest_period
         return math.inf, 0.0
@@ -207,7 +218,7 @@ class Dynamics:
 
 @functools.lru_cache(maxsize=8)
 def _forcing_in_units_of(forcing, level):
-    """Return a `Force`, `forcing` over a `level` of lift-off, the same object each time: it keeps its lift-offs."""
+    """Return the forcing, `forcing` over a `level` of lift-off, the same object each time: it keeps its lift-offs."""
     return forcing.in_units_of(level)
 
 

@@ -35,15 +35,15 @@ from fpk_rocking.density.step.shears import (
     velocity_shear,
 )
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.physics.motion.block import SLENDER_CONTACT, contact_laws
 from fpk_rocking.physics.motion.equation import (
     acceleration,
     acceleration_gradient,
+    contact_laws,
     dispatch_on_block,
     force_factor,
     value_and_slope,
 )
-from fpk_rocking.physics.motion.flight import flight_shears, shear_diffusion_variances
+from fpk_rocking.physics.motion.slender import SLENDER_CONTACT, flight_shears, shear_diffusion_variances
 
 
 class FreeFlight:

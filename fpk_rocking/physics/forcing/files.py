@@ -4,11 +4,9 @@ import codecs
 import math
 import pathlib
 import re
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
-
-from fpk_rocking.base.checks import Array
 
 MOST = 2**20
 """Most samples: 87 minutes at 200 Hz."""
@@ -30,42 +28,16 @@ _SPELLINGS = {
 """Units by the ways in which they are written, in lower case."""
 
 
-class FileRecord(NamedTuple):
-    """Contents of a file: the interval, seconds, the samples (n,), their unit, and a text with event, date and station.
-
-    The unit is a key of `UNITS`. The last two are empty texts where the file does not say them.
-    """
-
-    interval: float
-    samples: Array
-    units: str
-    event: str = ""
-
-
 def unit_of(text: str) -> str | None:
-    """Return the key of `UNITS`, "g", "m/s2" or "cm/s2", that a text, such as "cm/sec^2", means, or None."""
+    """Key of `UNITS` that a text such as "cm/sec^2" means, or None."""
     return _SPELLINGS.get(text.strip().lower())
 
 
-def read(path: pathlib.Path) -> FileRecord:
-    """Read a record from a file, whose kind follows from its first lines and its name.
+def read(path: pathlib.Path) -> dict[str, Any]:
+    """Arguments of a `Record` that a file says: interval, samples, units and event; "" is a unit that it does not say.
 
-    Parameters
-    ----------
-    path : pathlib.Path
-
-    Returns
-    -------
-    FileRecord
-        Named tuple of interval (seconds), samples (n,), their unit ("" if not said) and the event.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    OSError, ValueError
-        The file cannot be read, has another format, is truncated, or has values that are not finite or times that are
-        not equally spaced; the message says what and where.
+    The kind of the file follows from its first lines and its name. What is refused is an OSError or a ValueError that
+    says what and where.
     """
     data = _data(path)
     try:
@@ -74,21 +46,22 @@ def read(path: pathlib.Path) -> FileRecord:
                 raise ValueError(f"got binary data, accepted: a text file, or what ObsPy reads{_OBSPY}")
             text = data.removeprefix(codecs.BOM_UTF8).decode("latin-1")
             kind = _peer if path.suffix.lower() == ".at2" else _esm if text.startswith("EVENT_NAME:") else _columns
-            return kind(text)
+            interval, samples, units, event = kind(text)
         except ValueError:
             traces = _traces(path)
             if traces is None:
                 raise
-            return _trace(traces)
+            interval, samples, units, event = _trace(traces)
     except ValueError as error:
         raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
+    return {"interval": interval, "samples": tuple(samples.tolist()), "units": units, "event": event}
 
 
 _OBSPY = ' (pip install "fpk-rocking[obspy]")'
 
 
 def _traces(path):
-    """Return the list of ObsPy's traces in the file at `path`; None where ObsPy cannot read it, or is missing."""
+    """ObsPy's traces in a file; None where ObsPy cannot read it, or is missing."""
     try:
         import obspy
     except ImportError:
@@ -100,10 +73,7 @@ def _traces(path):
 
 
 def _trace(traces):
-    """Return the only one of ObsPy's traces, a list, as a `FileRecord`, or raise ValueError where there is not one.
-
-    Its samples are in the unit of the trace's numbers, which is not said: its `units` is "".
-    """
+    """The only one of ObsPy's traces, whose unit is not said; ValueError where there is not one."""
     if len(traces) != 1:
         raise ValueError(f"got {len(traces)} traces, accepted: one horizontal component without gaps")
     (trace,) = traces
@@ -113,11 +83,11 @@ def _trace(traces):
     samples = np.asarray(trace.data, dtype=float) * trace.stats.calib
     if np.ma.is_masked(trace.data) or not np.isfinite(samples).all():
         raise ValueError("got samples that are missing or not finite")
-    return FileRecord(float(trace.stats.delta), samples, "")
+    return float(trace.stats.delta), samples, "", ""
 
 
 def _data(path):
-    """Return the bytes of the file at `path`; OSError or ValueError if it is none, empty, or too large for a record."""
+    """Bytes of a file; OSError or ValueError if it is none, empty, or too large for a record."""
     try:
         size = path.stat().st_size
         # A device or a pipe may never end.
@@ -147,10 +117,7 @@ _VALUE = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d+)?", re.IGNORECASE)
 
 
 def _peer(text):
-    """Return the contents of a PEER file as a `FileRecord` (interval in seconds, samples, their unit, event).
-
-    `text` is all of the file: four lines of header, and samples in rows.
-    """
+    """A PEER file: four lines of header, and samples in rows."""
     lines = text.splitlines()
     if len(lines) < 5:
         raise ValueError(f"got {len(lines)} lines, accepted: four of header and the samples")
@@ -172,11 +139,11 @@ def _peer(text):
         # What is no number tells more than their count does; the last one may be cut.
         _numbers(words[:-1])
         raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
-    return FileRecord(float(interval), _numbers(words), units, _printable(lines[1]))
+    return float(interval), _numbers(words), units, _printable(lines[1])
 
 
 def _refuse_vertical(where, component):
-    """Raise ValueError for a `component`, a text in a header, that is the vertical one; `where`, a text, is its place.
+    """Raise ValueError where `component`, from the place `where` of a header, is the vertical one.
 
     Archives hand out three components of each motion, and no plot of one tells which it is.
     """
@@ -188,24 +155,21 @@ def _refuse_vertical(where, component):
 
 
 def _printable(text):
-    """Return a line of text, at most 200 characters, without what a terminal or a page could not show."""
+    """A line of text, at most 200 characters, without what a terminal or a page could not show."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:200]
 
 
 def _parted(words, count):
-    """Return a list of words, texts, with numbers that run together parted if that gives the stated `count` of them.
+    """`words`, with numbers that run together parted if that gives the stated `count` of them.
 
-    Else it is `words` as it is. Numbers that fill their columns have no blank between them.
+    Numbers that fill their columns have no blank between them.
     """
     parts = [part for word in words for part in (_VALUE.findall(word) if len(word) > 1 else [word])]
     return parts if len(words) != count == len(parts) and "".join(parts) == "".join(words) else words
 
 
 def _esm(text):
-    """Return the contents of a file of the Engineering Strong Motion database as a `FileRecord`.
-
-    `text` is all of the file: 64 lines ``NAME: value``, and a sample a line.
-    """
+    """A file of the Engineering Strong Motion database: 64 lines ``NAME: value``, and a sample a line."""
     lines = text.splitlines()
     header = {
         name.strip(): value.strip() for name, colon, value in (line.partition(":") for line in lines[:64]) if colon
@@ -224,14 +188,11 @@ def _esm(text):
         raise ValueError(f"got {len(words)} samples from line 65 on, accepted: the {header['NDATA']} of its line NDATA")
     _check_count(len(words))
     about = (header.get(name, "") for name in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STATION_NAME"))
-    return FileRecord(float(interval), _numbers(words), units, _printable(", ".join(filter(None, about))))
+    return float(interval), _numbers(words), units, _printable(", ".join(filter(None, about)))
 
 
 def _columns(text):
-    """Return what a text of columns, parted by commas, semicolons, tabs or blanks, holds, as a `FileRecord`.
-
-    The columns are time, in seconds, and acceleration, or those that names in the first line tell.
-    """
+    """A text of columns: time in seconds and acceleration, or those that names in the first line tell."""
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)
@@ -256,21 +217,18 @@ def _columns(text):
     times, samples = _numbers(words, [number for number in numbers for _ in range(2)]).reshape(-1, 2).T
     # Times at the ends of double precision may be further apart than that reaches, and the interval is then refused.
     with np.errstate(over="ignore", invalid="ignore"):
-        return FileRecord(_interval(times, words[::2], numbers), samples, units)
+        return _interval(times, words[::2], numbers), samples, units, ""
 
 
 def _names(line):
-    """Return the names of columns in a line of text, each with the unit in brackets behind it, as a list of text."""
+    """Names of columns in a line, each with the unit in brackets behind it."""
     parting = next((mark for mark in ";\t," if mark in line), "")
     names = line.split(parting) if parting else re.findall(r"\S+(?:\s*[(\[][^)\]]*[)\]])?", line)
     return [name.strip().strip("\"'") for name in names]
 
 
 def _places(names):
-    """Return (time, acceleration), the indices of these columns among `names`, a list of text.
-
-    It is None where the names do not tell one of each.
-    """
+    """Indices (time, acceleration) of these columns; None where the names do not tell one of each."""
     times = [place for place, name in enumerate(names) if re.match(r"t(ime|\b|_)", name, re.IGNORECASE)]
     columns = [place for place, name in enumerate(names) if re.match(r"a(cc|\b|_)", name, re.IGNORECASE)]
     columns = columns or [place for place, name in enumerate(names) if place not in times and _unit_in(name)]
@@ -278,29 +236,25 @@ def _places(names):
 
 
 def _unit_in(name):
-    """Return the unit, a key of `UNITS`, in a column's name, as in ``acc_m_s2`` or ``Acceleration (g)``; else ""."""
+    """Key of `UNITS` in a column's name, as in ``acc_m_s2`` or ``Acceleration (g)``; else ""."""
     words = re.findall(r"[^\s,;()\[\]\"']+", name)
     parts = [word.split("_", start)[-1] for word in words for start in range(word.count("_") + 1)]
     return next(filter(None, map(unit_of, parts)), "")
 
 
 def _entries(line):
-    """Return the entries of a line as a list of text; a comma is a decimal one where semicolons or tabs part them."""
+    """Entries of a line; a comma is a decimal one where semicolons or tabs part them."""
     if ";" in line or ("\t" in line and "," in line):
         return re.split(r"[;\s]+", line.replace(",", ".").strip().rstrip(";"))
     return line.replace(",", " ").split()
 
 
 def _is_number(word):
-    """Whether a word, a text, is a number other than nan: a bool."""
     return not math.isnan(_number(word))
 
 
 def _interval(times, words, lines):
-    """Return the interval, seconds, of times (n,) in a file; ValueError where they are not equally spaced.
-
-    `words` (n) are the times as they are written, texts, and `lines` (n) the numbers of their lines.
-    """
+    """Interval of times (n,), seconds; ValueError, with the number of the line, where they are not equally spaced."""
     steps = np.diff(times)
     interval = (times[-1] - times[0]) / (len(times) - 1)
     late = times - (times[0] + interval * np.arange(len(times)))
@@ -326,19 +280,15 @@ def _interval(times, words, lines):
 
 
 def _latest(times, late):
-    """Return (index, expected): the place before the time furthest off equal spacing, and what that time should be.
-
-    `times` (n,) and how late each of them is, `late` (n,), are in seconds, as `expected` is.
-    """
+    """Place before the time furthest off equal spacing, and what that time should be."""
     place = int(np.argmax(np.abs(late)))
     return place - 1, times[place] - late[place]
 
 
 def _rounded_interval(times, words):
-    """Return the interval, seconds, of equally spaced times that were rounded to decimals.
+    """Interval of equally spaced times that the file has rounded to decimals; 0.0 where rounding does not explain them.
 
-    It is 0.0 where rounding explains the times not. `times` (n,) are in seconds and `words` (n) are they as written.
-    They are rounded times if some line has all within half a unit of the last decimal. Fewer than ten tell nothing.
+    Some line has all of them within half a unit of the last decimal then. Fewer than ten tell nothing.
     """
     decimals = max(len(word.partition(".")[2]) for word in words)
     half, count = 0.5 * 10.0**-decimals, np.arange(len(times))
@@ -359,16 +309,12 @@ def _rounded_interval(times, words):
 
 
 def _check_count(count):
-    """Raise ValueError for a number of samples (int) that a record cannot have, else return None."""
     if not 2 <= count <= MOST:
         raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
 
 
 def _numbers(words, lines=()):
-    """Return words (n), texts, as an array (n,) of finite numbers, or raise ValueError.
-
-    `lines` (n) are the numbers of their lines, for the message; if it is empty the message says no line.
-    """
+    """Words (n) as an array of finite numbers; ValueError, with the number of the line if `lines` are given."""
     try:
         values = np.array(words, dtype=float)
     except ValueError:
@@ -382,7 +328,7 @@ def _numbers(words, lines=()):
 
 
 def _number(word):
-    """Return a word (text) as a float, nan where it is no number."""
+    """A word as a float, nan where it is no number."""
     try:
         return float(word)
     except ValueError:

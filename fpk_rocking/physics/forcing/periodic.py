@@ -1,4 +1,7 @@
-"""Periodic forcing: one harmonic or several, in polynomial pieces (see the package)."""
+"""Periodic forcing: one harmonic or several.
+
+A sum of harmonics has its particular solution, its largest value and its lift-offs in closed form.
+"""
 
 import abc
 import dataclasses
@@ -11,9 +14,8 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, Number
-from fpk_rocking.physics.forcing.base import RANGES, Forcing, longest_of
+from fpk_rocking.physics.forcing.base import RANGES, Forcing
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.block import add_cosine
 
 
 class PeriodicForcing(Forcing):
@@ -32,123 +34,109 @@ class PeriodicForcing(Forcing):
     @property
     @abc.abstractmethod
     def components(self) -> tuple[tuple[int, float, float], ...]:
-        """Tuples (k, A_k, Ψ_k) of every harmonic: multiple, amplitude (nondimensional) and phase (radians)."""
+        """Multiple, amplitude and phase (k, A_k, Ψ_k) of every harmonic."""
 
     @property
     def phase(self) -> float:
-        """Phase Ψ_1 of the first harmonic, radians."""
+        """Phase Ψ_1 of the first harmonic."""
         return self.components[0][2]
 
     @property
     def period(self) -> float:
-        """T = 2π/Ω in nondimensional time: one cycle."""
         return 2.0 * math.pi / self.frequency
 
     @property
     def half_antisymmetric(self) -> bool:
-        """Whether f(τ + T/2) = -f(τ): the second half of a cycle is then the mirror image of the first.
-
-        That is so without even harmonics.
-        """
         return all(k % 2 == 1 or amplitude == 0.0 for k, amplitude, _ in self.components)
 
     @property
     def shortest_period(self) -> float:
-        """Period of the highest harmonic, nondimensional."""
         return self.period / max(1, 1, *(k for k, amplitude, _ in self.components if amplitude))
 
     @property
     def longest_piece(self) -> float:
-        """Nondimensional time from its instant for which a polynomial of `pieces` is right to 1e-14."""
-        return longest_of(self.shortest_period)
+        return 0.8 * self.shortest_period / (2.0 * math.pi)
 
     @property
     def time_scale(self) -> float:
-        """Nondimensional time that an engine's `steps_per_cycle` count in: a cycle."""
         return self.period
-
-    def spacing(self, longest: float) -> float:
-        """Return the largest spacing up to `longest` of a grid from τ = 0 on that divides the cycle, nondimensional."""
-        return self.period / math.ceil(self.period / longest - 1e-9)
-
-    def pieces(self, instants: Sequence[float] | Array) -> Array:
-        """Coefficients of P, the bounded solution of P'' = P + f, in the time since given instants.
-
-        Parameters
-        ----------
-        instants : sequence of float
-            n nondimensional times.
-
-        Returns
-        -------
-        ndarray, shape (n, TERMS)
-            Taylor coefficients of P = Σ A_k cos(Ω_k τ + Ψ_k)/(1 + Ω_k²), lowest power first.
-        """
-        out = np.zeros((len(instants), TERMS))
-        for row, instant in zip(out, instants, strict=True):
-            for k, amplitude, phase in self.components:
-                add_cosine(row, instant, amplitude, k * self.frequency, phase)
-        return out
-
-    def particular(self, time: float) -> tuple[float, float]:
-        """Return (P, P') at `time` τ, nondimensional: the bounded solution of P'' = P + f and its derivative."""
-        ((value, slope, *_),) = self.pieces([time])
-        return float(value), float(slope)
-
-    def particular_over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
-        """Return coefficients (TERMS,) of P, lowest power first, in the time since `start`, for any `duration`."""
-        return self.pieces([start])[0]
-
-    def value(self, time: float) -> float:
-        """Return the force f at `time` τ, a float, nondimensional."""
-        return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)
-
-    def slope(self, time: float) -> float:
-        """Return df/dτ at `time` τ, a float, nondimensional."""
-        omega = self.frequency
-        return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
-
-    def values_in_cycle(self, places: Array, count: int) -> Array:
-        """Force f (n,) at places (n,) of a cycle, from 0 to `count`, its end: periodic to the last digit."""
-        waves = (a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
-        return np.asarray(-sum(waves))
-
-    def stage_values(self, spacing: float, count: int) -> Array:
-        """Force f (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from τ = 0 on.
-
-        `spacing` is that of the grid, nondimensional; it divides the cycle.
-        """
-        values = self.values_in_cycle(np.arange(2 * count + 1), 2 * round(self.period / spacing))
-        return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
-
-    def with_constant(self, constant: float) -> "PeriodicForcing":
-        """Return the forcing f + `constant`, nondimensional, a harmonic k = 0; P becomes P - `constant`."""
-        mean = 0, abs(constant), math.pi if constant > 0.0 else 0.0
-        return _Sum(self.frequency, (*self.components, mean))
 
     @property
     def steepest(self) -> float:
-        """Upper bound of |df/dτ|, nondimensional."""
         return sum(k * self.frequency * a for k, a, _ in self.components)
 
     @property
     def swing(self) -> float:
-        """Bound of |P + P'| and |P - P'|, nondimensional: how far f moves the separatrices, and a block with them."""
         return sum(a / math.hypot(1.0, k * self.frequency) for k, a, _ in self.components)
 
     @property
     def largest(self) -> float:
-        """Largest |f|, nondimensional."""
-        return _lift_offs(self).largest
+        return _passages(self)[0]
 
     @property
     def largest_velocity(self) -> float:
-        """Largest |∫f dτ|, nondimensional, of the integral with mean 0."""
         parts = ((k, a / (k * self.frequency), phase - 0.5 * math.pi) for k, a, phase in self.components if k)
         return _Sum(self.frequency, tuple(parts)).largest
 
+    @property
+    def longest_rest(self) -> float:
+        _, lift_offs, landings = _passages(self)
+        if not lift_offs.size:
+            return math.inf
+        # From each time at which |f| falls to 1 to the next lift-off.
+        waits = lift_offs - landings[:, None]
+        return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
+
+    def value(self, time: float) -> float:
+        return -sum(a * math.cos(k * self.frequency * time + phase) for k, a, phase in self.components)
+
+    def slope(self, time: float) -> float:
+        omega = self.frequency
+        return sum(a * k * omega * math.sin(k * omega * time + phase) for k, a, phase in self.components)
+
+    def particular(self, time: float) -> tuple[float, float]:
+        ((value, slope, *_),) = self.pieces([time])
+        return float(value), float(slope)
+
+    def particular_over(self, start: float, duration: float) -> Array:  # noqa: ARG002  (a step is short against the shortest period)
+        return self.pieces([start])[0]
+
+    def pieces(self, instants: Sequence[float] | Array) -> Array:
+        out = np.zeros((len(instants), TERMS))
+        for row, instant in zip(out, instants, strict=True):
+            for k, amplitude, phase in self.components:
+                _add_cosine(row, instant, amplitude, k * self.frequency, phase)
+        return out
+
+    def spacing(self, longest: float) -> float:
+        """Largest spacing, up to `longest`, of a grid that divides the cycle."""
+        return self.period / math.ceil(self.period / longest - 1e-9)
+
+    def values_in_cycle(self, places: Array, count: int) -> Array:
+        """Force (n,) at places (n,) of a cycle, from 0 to `count`, its end: periodic to the last digit."""
+        waves = (a * np.cos(2.0 * math.pi * (k * places) / count + phase) for k, a, phase in self.components)
+        return np.asarray(-sum(waves))
+
+    def stage_values(self, spacing: float, count: int) -> Array:
+        values = self.values_in_cycle(np.arange(2 * count + 1), 2 * round(self.period / spacing))
+        return np.stack([values[:-1:2], values[1::2], values[2::2]], axis=-1)
+
+    def since_lift_off(self, time: float) -> tuple[float, float]:
+        lift_offs = _passages(self)[1]
+        if not lift_offs.size:
+            return math.inf, 0.0
+        # At a lift-off, rounding decides whether it is just over or a period ago.
+        elapsed = np.mod(time - lift_offs + 1e-12 * self.period, self.period)
+        last = int(np.argmin(elapsed))
+        return float(elapsed[last]), abs(self.slope(float(lift_offs[last])))
+
+    def with_constant(self, constant: float) -> "PeriodicForcing":
+        """The forcing f + `constant`, a harmonic k = 0; P becomes P - `constant`."""
+        mean = 0, abs(constant), math.pi if constant > 0.0 else 0.0
+        return _Sum(self.frequency, (*self.components, mean))
+
     def mean_excess(self, level: float) -> float:
-        """Mean of max(f - level, 0) over a cycle, in closed form; nondimensional, as is the level."""
+        """Mean of max(f - level, 0) over a cycle, in closed form."""
         times = np.array([0.0, *_zeros(self, level, 0), self.period])
         middles, total = 0.5 * (times[1:] + times[:-1]), 0.0
         for begin, end, middle in zip(times[:-1], times[1:], middles, strict=True):
@@ -157,29 +145,9 @@ class PeriodicForcing(Forcing):
         return total / self.period
 
     def _integral(self, time):
-        """Return the antiderivative, of mean 0, of f without its mean, at a nondimensional `time`, a float."""
+        """Antiderivative, of mean 0, of f without its mean."""
         omega = self.frequency
         return -sum(a * math.sin(k * omega * time + phase) / (k * omega) for k, a, phase in self.components)
-
-    @property
-    def longest_rest(self) -> float:
-        """Longest nondimensional time in which |f| stays at most 1: rest lasts; inf if it always does."""
-        passages = _lift_offs(self)
-        if not passages.lift_offs.size:
-            return math.inf
-        # From each time at which |f| falls to 1 to the next lift-off.
-        waits = passages.lift_offs - passages.landings[:, None]
-        return float(np.where(waits < 0.0, waits + self.period, waits).min(axis=1).max())
-
-    def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Return (elapsed, slope): time since |f| last rose through 1, and d|f|/dτ there; (inf, 0) if never."""
-        passages = _lift_offs(self)
-        if not passages.lift_offs.size:
-            return math.inf, 0.0
-        # At a lift-off, rounding decides whether it is just over or a period ago.
-        elapsed = np.mod(time - passages.lift_offs + 1e-12 * self.period, self.period)
-        last = int(np.argmin(elapsed))
-        return float(elapsed[last]), abs(self.slope(float(passages.lift_offs[last])))
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -216,26 +184,23 @@ class Harmonic(PeriodicForcing):
 
     @property
     def components(self) -> tuple[tuple[int, float, float], ...]:
-        """The only harmonic, ((1, A, Ψ),): multiple, amplitude and phase, radians."""
         return ((1, self.amplitude, self.phase),)
 
+    @property
+    def largest_velocity(self) -> float:
+        return self.amplitude / self.frequency
+
     def at_phase(self, phase: float) -> Self:
-        """Return the forcing with another phase Ψ, radians: begun at another time of its cycle."""
+        """The forcing with another phase Ψ: begun at another time of its cycle."""
         return dataclasses.replace(self, phase=phase)
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
-        """Return the forcing with its harmonic times gain(Ω), a real number of either sign, Ω nondimensional."""
+        """The forcing with its harmonic times gain(Ω), a real number of either sign."""
         factor = float(gain(self.frequency))
         return dataclasses.replace(self, amplitude=self.amplitude * abs(factor), phase=_phase_times(self.phase, factor))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the forcing with the amplitude multiplied by `strength` and the frequency by `rate`."""
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
-
-    @property
-    def largest_velocity(self) -> float:
-        """Largest |∫f dτ|, nondimensional, of the integral with mean 0: A/Ω."""
-        return self.amplitude / self.frequency
 
     def __str__(self):
         turns = self.phase / math.pi
@@ -282,27 +247,22 @@ class Harmonics(PeriodicForcing):
 
     @property
     def components(self) -> tuple[tuple[int, float, float], ...]:
-        """Tuples (k, A_k, Ψ_k) of every harmonic: multiple, amplitude and phase, radians."""
         pairs = zip(self.amplitudes, self.phases, strict=True)
         return tuple((k, amplitude, phase) for k, (amplitude, phase) in enumerate(pairs, 1))
 
     def at_phase(self, phase: float) -> Self:
-        """Return the forcing begun at another time of its cycle: that at which its first harmonic has a phase Ψ_1.
-
-        `phase` is Ψ_1, radians.
-        """
+        """The forcing begun at another time of its cycle: that at which its first harmonic has the phase `phase`."""
         ahead = phase - self.phases[0]
         return dataclasses.replace(self, phases=tuple(psi + k * ahead for k, psi in enumerate(self.phases, 1)))
 
     def filtered(self, gain: Callable[[float], Number]) -> Self:
-        """Return the forcing with every harmonic times gain(kΩ), a real number of either sign, kΩ nondimensional."""
+        """The forcing with every harmonic times gain(kΩ), a real number of either sign."""
         factors = [float(gain(k * self.frequency)) for k, _, _ in self.components]
         amplitudes = (size * abs(factor) for size, factor in zip(self.amplitudes, factors, strict=True))
         phases = map(_phase_times, self.phases, factors)
         return dataclasses.replace(self, amplitudes=tuple(amplitudes), phases=tuple(phases))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the forcing with amplitudes multiplied by `strength` and the frequency by `rate`."""
         amplitudes = tuple(strength * amplitude for amplitude in self.amplitudes)
         return dataclasses.replace(self, amplitudes=amplitudes, frequency=self.frequency * rate)
 
@@ -313,40 +273,43 @@ class Harmonics(PeriodicForcing):
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class _Sum(PeriodicForcing):
-    """A sum of harmonics -Σ A_k cos(kΩτ + Ψ_k), with tuples (k, A_k, Ψ_k); k = 0 is a mean."""
+    """Any sum of harmonics; k = 0 is a mean."""
 
     frequency: float
     components: tuple[tuple[int, float, float], ...]
 
     def scaled(self, strength, rate):
-        """Return the sum with amplitudes multiplied by `strength` and the frequency by `rate`, both above 0."""
         return _Sum(self.frequency * rate, tuple((k, strength * a, phase) for k, a, phase in self.components))
 
 
-def _phase_times(phase, factor):
-    """Return `phase`, radians, of a harmonic after multiplication by `factor`: π more where that is negative."""
-    return phase if factor >= 0.0 else phase + math.pi
-
-
 def periodic(forcing: Forcing) -> PeriodicForcing:
-    """Return `forcing` itself if it is a `PeriodicForcing`, one that repeats, or raise TypeError."""
+    """`forcing` itself if it repeats; else a TypeError."""
     if not isinstance(forcing, PeriodicForcing):
         raise TypeError(checks.refusal("forcing", forcing, "a forcing that repeats"))
     return forcing
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _LiftOffs:
-    """Largest |f|, and the times (n,) in a period at which |f| rises and falls through 1, ascending; nondimensional."""
+def _add_cosine(row, instant, amplitude, frequency, phase):
+    """Add the Taylor coefficients about an instant of A cos(Ωτ + Ψ)/(1 + Ω²) to `row` (TERMS,)."""
+    angle = frequency * instant + phase
+    scale = amplitude / (1.0 + frequency * frequency)
+    even, odd = scale * math.cos(angle), -scale * math.sin(angle)
+    for k in range(0, TERMS, 2):
+        row[k] += even
+        even *= -frequency * frequency / ((k + 1) * (k + 2))
+    for k in range(1, TERMS, 2):
+        row[k] += odd * frequency
+        odd *= -frequency * frequency / ((k + 1) * (k + 2))
 
-    largest: float
-    lift_offs: np.ndarray
-    landings: np.ndarray
+
+def _phase_times(phase, factor):
+    """Phase of a harmonic after multiplication by `factor`."""
+    return phase if factor >= 0.0 else phase + math.pi
 
 
 @functools.lru_cache(maxsize=16)
-def _lift_offs(forcing):
-    """Return the `_LiftOffs` of a `PeriodicForcing`: its largest |f|, and the times in a period when |f| passes 1."""
+def _passages(forcing):
+    """(largest |f|, lift_offs, landings): times (n,) of a period at which |f| rises and falls through 1."""
     turning = [abs(forcing.value(time)) for time in _zeros(forcing, 0.0, 1)]
     mean = sum((a for k, a, _ in forcing.components if k == 0), 0.0)
     largest = max(turning, default=mean)
@@ -357,14 +320,14 @@ def _lift_offs(forcing):
             for time in _zeros(forcing, level, 0):
                 rises = level * forcing.slope(time) > 0.0
                 (lift_offs if rises else landings).append(time)
-    return _LiftOffs(largest, np.sort(lift_offs), np.sort(landings))
+    return largest, np.sort(lift_offs), np.sort(landings)
 
 
 def _zeros(forcing, level, derivative):
-    """Return a list of the times in [0, T) at which f, or its derivative, of a `PeriodicForcing` passes a level.
+    """Times in [0, T), a list, of the zeros of f - `level` (`derivative` 0) or of f' (1) of a periodic forcing.
 
-    `level` is that of f, nondimensional; `derivative` is 0 for f and 1 for zeros of f'. The times are roots on the unit
-    circle of a polynomial: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of degree 2K.
+    They are roots on the unit circle: with z = exp(iΩτ) a sum of harmonics up to K, times z^K, is a polynomial of
+    degree 2K.
     """
     highest = max(k for k, _, _ in forcing.components)
     if forcing.steepest < 1e-300:
@@ -384,7 +347,7 @@ def _zeros(forcing, level, derivative):
 
 
 def _newton_step(forcing, time, level):
-    """Return `time`, near a simple zero of f - `level`, improved by one step of Newton's, for a `PeriodicForcing`."""
+    """A `time` near a simple zero of f - `level`, improved by one step of Newton's iteration."""
     slope = forcing.slope(time)
     if abs(slope) < 1e-6 * forcing.steepest:
         return time

@@ -15,10 +15,7 @@ from fpk_rocking.physics.motion import TERMS
 
 
 def _sine(shift):
-    """Return a function of z (n,), radians, with the Taylor coefficients (n, TERMS) of sin(z + shift) about it.
-
-    `shift` is in radians; the lowest power comes first.
-    """
+    """Function of phases z (n,) with the Taylor coefficients (n, TERMS) of sin(z + shift) about them."""
     order = np.arange(TERMS)
     inverse = np.array([1.0 / math.factorial(k) for k in order])
     return lambda z: np.sin(z[:, None] + shift + 0.5 * math.pi * order) * inverse
@@ -29,16 +26,11 @@ _REACH = 6.5
 
 
 def _bell(polynomial):
-    """Return a function of z (n,) that gives the Taylor coefficients (n, TERMS) of p(y) exp(-y²/2) about it.
-
-    `polynomial` are the coefficients of p; the lowest power comes first in both. y = z - `_REACH` is counted from the
-    peak.
-    """
+    """Function of phases z (n,) with the Taylor coefficients (n, TERMS) of p(z - `_REACH`) exp(-(z - `_REACH`)²/2)."""
     factor = np.polynomial.Polynomial(polynomial)
     parts = [factor.deriv(k) / math.factorial(k) if k else factor for k in range(len(polynomial))]
 
     def series(z):
-        """Return Taylor coefficients (n, TERMS), lowest power first, about z (n,), counted from the pulse's begin."""
         z = z - _REACH
         # exp(-(z+t)²/2) = exp(-z²/2) Σ He_k(z) (-t)^k / k!, and the polynomial about z.
         bell = np.empty((len(z), TERMS))
@@ -124,11 +116,7 @@ class Pulse(TransientForcing):
 
     @functools.cached_property
     def _wave(self):
-        """Shape of the pulse, (length, series, z per y, slope), in a phase y that is a multiple of z.
-
-        They are the pulse's length in y, a function of y (n,) with the Taylor coefficients (n, TERMS), the ratio z/y,
-        and the largest slope in y of the shape.
-        """
+        """(length, series, z per y, largest slope) of the shape, in a phase y that is a multiple of z."""
         if self.shape == "symmetric-ricker":
             return 2.0 * _REACH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK
         if self.shape == "antisymmetric-ricker":
@@ -138,46 +126,37 @@ class Pulse(TransientForcing):
 
     @property
     def _rate(self):
-        """Phase y of the shape per nondimensional time, a float."""
+        """Phase y per time."""
         return self.frequency / self._wave[2]
 
     @property
     def duration(self) -> float:
-        """Nondimensional time at which it ends."""
         return self._wave[0] / self._rate
 
     @property
     def shortest_period(self) -> float:
-        """Nondimensional period of the sine, or of one that is as smooth as a bell."""
+        """That of the sine, or of one that is as smooth as a bell."""
         return (2.0 * math.pi if self._wave[2] == 1.0 else 2.0) / self._rate
 
     @property
     def time_scale(self) -> float:
-        """Nondimensional time that an engine's `steps_per_cycle` count in: 2π/Ω."""
         return 2.0 * math.pi / self.frequency
 
     @property
     def largest(self) -> float:
-        """Largest |f|, nondimensional: the amplitude A."""
         return self.amplitude
 
     @property
     def steepest(self) -> float:
-        """Upper bound of |df/dτ|, nondimensional."""
         return self.amplitude * self._rate * self._wave[3]
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS), lowest power first, of f about nondimensional times (n,).
-
-        They are 0 outside the pulse.
-        """
         length, series, *_ = self._wave
         phase = self._rate * times
         on = (phase >= 0.0) & (phase < length * (1.0 - 1e-12))
         return np.where(on, self.amplitude, 0.0)[:, None] * series(phase) * self._rate ** np.arange(TERMS)
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the pulse with the amplitude multiplied by `strength` and the frequency by `rate`."""
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)
 
     def __str__(self):
@@ -238,22 +217,21 @@ class Chirp(TransientForcing):
 
     @property
     def _rate(self):
-        """Change of the angular frequency per time, (Ω₁ - Ω₀)/d, nondimensional."""
+        """Change of the angular frequency per time."""
         return (self.end_frequency - self.start_frequency) / self.duration
 
     @property
     def _phase_at_end(self):
-        """Phase of the sine at the end of the sweep, radians."""
         return 0.5 * (self.start_frequency + self.end_frequency) * self.duration
 
     @property
     def _fastest(self):
-        """Highest angular frequency, nondimensional."""
+        """Highest angular frequency."""
         return max(self.start_frequency, self.end_frequency)
 
     @property
     def shortest_period(self) -> float:
-        """Nondimensional period of a sine that is no smoother than the sweep.
+        """Period of a sine that is no smoother than the sweep.
 
         Taylor coefficients of sin(Ω' t²/2) fall like those of sin(2.5 √Ω' t), to the order of a piece.
         """
@@ -261,24 +239,18 @@ class Chirp(TransientForcing):
 
     @property
     def time_scale(self) -> float:
-        """Nondimensional time that an engine's `steps_per_cycle` count in: the shortest period of the sweep."""
         return 2.0 * math.pi / self._fastest
 
     @property
     def largest(self) -> float:
-        """Largest |f|, nondimensional: that at the end where the phase does not reach π/2."""
         return self.amplitude * math.sin(min(self._phase_at_end, 0.5 * math.pi))
 
     @property
     def steepest(self) -> float:
-        """Upper bound of |df/dτ|, nondimensional."""
         return self.amplitude * self._fastest
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS), lowest power first, of f about nondimensional times (n,).
-
-        They are 0 outside the sweep. They follow from (sin φ)' = φ' cos φ and its like.
-        """
+        """Taylor coefficients of f from (sin φ)' = φ' cos φ and its like."""
         times = np.asarray(times, dtype=float)
         frequency, rate = self.start_frequency + self._rate * times, self._rate
         phase = times * (self.start_frequency + 0.5 * rate * times)
@@ -292,7 +264,6 @@ class Chirp(TransientForcing):
         return np.where(on, self.amplitude, 0.0)[:, None] * sine.T
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the `Chirp` with amplitude times `strength`, frequencies times `rate` and duration over `rate`."""
         frequencies = self.start_frequency * rate, self.end_frequency * rate
         return type(self)(strength * self.amplitude, *frequencies, self.duration / rate)
 

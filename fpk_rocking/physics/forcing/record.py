@@ -16,6 +16,8 @@ from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Sam
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 
+_UNSIZED = "block.dimensions: missing, required for a forcing of kind 'record', which is in seconds"
+
 
 @dataclasses.dataclass(frozen=True)
 class Record(TransientForcing):
@@ -132,25 +134,21 @@ class Record(TransientForcing):
         wanted = None if units is None else _unit(units)
         default = None if units_if_unstated is None else _unit(units_if_unstated)
         motion = read(file)
-        wanted = wanted or (default if not motion.units else None)
-        if wanted and motion.units and wanted != motion.units:
-            accepted = f"{motion.units!r}, as the file {str(file)!r} says, or nothing"
+        stated = motion["units"]
+        if wanted and stated and wanted != stated:
+            accepted = f"{stated!r}, as the file {str(file)!r} says, or nothing"
             raise ValueError(checks.refusal("forcing.units", units, accepted))
-        if not wanted and not motion.units:
+        motion["units"] = wanted or stated or default
+        if not motion["units"]:
             raise ValueError(
                 f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)} (in a "
                 "shell --units)"
             )
-        samples, unit = tuple(motion.samples.tolist()), wanted or motion.units
-        return cls(motion.interval, samples, unit, scale, file.name, baseline, corner_hz, motion.event)
+        return cls(**motion, scale=scale, source=file.name, baseline=baseline, corner_hz=corner_hz)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
-        """Return the record that a TOML table (dict) without its kind describes.
-
-        Keys are file, units, scale, baseline, corner_hz as of `from_file`, or the parameters of the class. `name` is
-        the table's, for messages; the file's path is relative to `folder`, a path.
-        """
+        """The record of a TOML table: its keys are those of `from_file`, or the parameters of the class."""
         if "file" not in table:
             return super().from_table(name, table, folder)
         keys = ("file", "units", "scale", "baseline", "corner_hz")
@@ -161,13 +159,12 @@ class Record(TransientForcing):
         return cls.from_file(path, **{key: value for key, value in table.items() if key != "file"})
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the record with accelerations multiplied by `strength`, and times divided by `rate`, both above 0."""
         scale, interval, corner_hz = self.scale * strength, self.interval / rate, self.corner_hz * rate
         changed = dataclasses.replace(self, scale=scale, interval=interval, corner_hz=corner_hz)
         return changed if self._size is None else changed.for_size(self._size)
 
     def check_range(self) -> None:
-        """Raise ValueError, by name, for accelerations or times that the engines cannot carry; else return None."""
+        """Raise ValueError, by name, for accelerations or times that the engines cannot carry."""
         super().check_range()
         most = RANGES["amplitude"][1]
         if not self.largest <= most:
@@ -175,12 +172,9 @@ class Record(TransientForcing):
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
 
     def for_size(self, size: Size | None) -> Self:
-        """Return the record made nondimensional by the `Size` of a block.
-
-        None, a block without dimensions, is a ValueError.
-        """
+        """The record made nondimensional by a block's size; None is a ValueError."""
         if size is None:
-            raise _unsized()
+            raise ValueError(_UNSIZED)
         if size == self._size:
             return self
         bound = dataclasses.replace(self)
@@ -189,17 +183,13 @@ class Record(TransientForcing):
 
     @property
     def _bound_size(self) -> Size:
-        """The `Size` of the block by which the record is nondimensional; ValueError where it has none."""
         if self._size is None:
-            raise _unsized()
+            raise ValueError(_UNSIZED)
         return self._size
 
     @functools.cached_property
     def forces(self) -> Array:
-        """Nondimensional force f at the samples, shape (n,).
-
-        What overflows is inf or nan here, and refused with all that is too strong.
-        """
+        """Force f (n,) at the samples. What overflows is inf or nan, and refused with all that is too strong."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self._bound_size.amplitude(self.scale * UNITS[self.units] * self.corrected_samples)
 
@@ -208,7 +198,6 @@ class Record(TransientForcing):
         """Accelerations that act, (n,), in the unit of the samples, before `scale`: without what `baseline` removes."""
 
         def compute():
-            """Correct the samples."""
             with np.errstate(over="ignore", invalid="ignore"):
                 return corrected(self._samples.array, self.interval, self.baseline, self.corner_hz)
 
@@ -221,19 +210,16 @@ class Record(TransientForcing):
 
     @property
     def _correction_of(self) -> tuple[float, str, float]:
-        """What `corrected_samples` depend on beside the samples."""
         return self.interval, self.baseline, self.corner_hz
 
     @property
     def drift(self) -> Drift:
-        """Velocities and accelerations, a `Drift`, of the samples that act, before and after "high-pass" corrects them.
+        """Velocities, m/s, and accelerations, m/s², of what acts, before and after "high-pass"; before `scale`.
 
-        They are in m/s and m/s², before `scale` multiplies. Where the interval does not resolve the corner it is
-        "linear" that corrects.
+        Where the interval does not resolve the corner, "linear" corrects.
         """
 
         def compute():
-            """Remove it and compare."""
             low, high = corners(self.interval)
             kind = "high-pass" if low <= self.corner_hz <= high else "linear"
             with np.errstate(over="ignore", invalid="ignore"):
@@ -245,20 +231,14 @@ class Record(TransientForcing):
 
     @property
     def correction(self) -> Drift:
-        """Velocities and accelerations, a `Drift`, of the samples before and after `baseline` corrects them.
-
-        They are in m/s and m/s², before `scale` multiplies.
-        """
+        """Velocities, m/s, and accelerations, m/s², of the samples before and after `baseline`; before `scale`."""
         unit = UNITS[self.units]
         with np.errstate(over="ignore", invalid="ignore"):
             return drift_of(unit * self._samples.array, unit * self.corrected_samples, self.interval)
 
     @property
     def implausible(self) -> list[str]:
-        """Sentences, a list of text, on accelerations, velocities and times hardly meant; empty if all are likely.
-
-        They are judged before `scale` multiplies.
-        """
+        """Sentences on accelerations, velocities and times that are hardly meant, before `scale`."""
         drift, lasts = self.drift, self.interval * (len(self.samples) - 1)
         name, sentences = self.source or "the record", []
         # The strongest horizontal accelerations of the ground are below 3 g, the fastest velocities about 3 m/s.
@@ -280,39 +260,28 @@ class Record(TransientForcing):
 
     @property
     def drifts(self) -> bool:
-        """Whether the velocity of the base is that of a drift, see `Drift`; False for less than 2 s, which say little.
-
-        What "high-pass" has corrected does not drift.
-        """
+        """Whether the base's velocity is that of a drift, see `Drift`; False for less than 2 s, which say little."""
         # A fifth of a period of the corner: 2 s, whatever the record's times were divided by.
         lasts = self.interval * (len(self.samples) - 1) * self.corner_hz >= 0.2
         return lasts and self.baseline != "high-pass" and self.drift.drifts
 
     @functools.cached_property
     def unit(self) -> float:
-        """Nondimensional time between samples, a float."""
         return self._bound_size.tau(self.interval)
 
     @property
     def duration(self) -> float:
-        """Nondimensional time at which it ends: that of the last sample."""
         return self.unit * (len(self.samples) - 1)
 
     @functools.cached_property
     def largest(self) -> float:
-        """Largest |f|, nondimensional."""
         return float(np.abs(self.forces).max())
 
     @functools.cached_property
     def steepest(self) -> float:
-        """Largest |df/dτ| between samples, nondimensional."""
         return float(np.abs(np.diff(self.forces)).max()) / self.unit
 
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,), lowest power first.
-
-        At a sample they are those of the interval that begins there; outside of the record they are 0.
-        """
         out, forces = np.zeros((len(times), TERMS)), self.forces
         place = np.floor(np.asarray(times) / self.unit + 1e-9).astype(np.int64)
         on = (place >= 0) & (place < len(forces) - 1)
@@ -327,7 +296,7 @@ class Record(TransientForcing):
 
 
 def check_baseline(name: str, value: str) -> str:
-    """Return `value`, a name in `BASELINES`, or raise TypeError or ValueError; `name` is for the message."""
+    """`value`, if it is one of `BASELINES`; else TypeError or ValueError."""
     if not isinstance(value, str) or value not in BASELINES:
         kind = ValueError if isinstance(value, str) else TypeError
         raise kind(checks.refusal(name, value, " or ".join(map(repr, BASELINES))))
@@ -335,15 +304,10 @@ def check_baseline(name: str, value: str) -> str:
 
 
 def _unit(text):
-    """Return the key of `UNITS`, "g", "m/s2" or "cm/s2", that a text means, or raise TypeError or ValueError."""
+    """Key of `UNITS` that a text means; else TypeError or ValueError."""
     if not isinstance(text, str):
         raise TypeError(checks.refusal("forcing.units", text, " or ".join(map(repr, UNITS))))
     units = unit_of(text)
     if units is None:
         raise ValueError(checks.refusal("forcing.units", text, " or ".join(map(repr, UNITS))))
     return units
-
-
-def _unsized():
-    """Return the ValueError that refuses a record with a block without dimensions; it is not raised here."""
-    return ValueError("block.dimensions: missing, required for a forcing of kind 'record', which is in seconds")

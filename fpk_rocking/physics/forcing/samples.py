@@ -37,7 +37,7 @@ class Samples(tuple[float, ...]):
 
     @classmethod
     def of(cls, value: Any) -> Self:
-        """Return the samples in any sequence of numbers, or raise TypeError or ValueError."""
+        """The samples in any sequence of numbers; else TypeError or ValueError."""
         if isinstance(value, cls):
             return value
         accepted = f"a list of 2 to {MOST} finite numbers"
@@ -54,7 +54,7 @@ class Samples(tuple[float, ...]):
 
     @functools.cached_property
     def array(self) -> Array:
-        """The samples, shape (n,); not written to."""
+        """The samples (n,); not written to."""
         return np.array(self)
 
     @functools.cached_property
@@ -64,11 +64,10 @@ class Samples(tuple[float, ...]):
 
     @functools.cached_property
     def _kept(self) -> dict[Any, Any]:
-        """Results of `once` by their key."""
         return {}
 
     def once(self, key: Any, compute: Callable[[], Any]) -> Any:
-        """Return ``compute()``, which is called the first time that these samples are asked for a key (hashable)."""
+        """What `compute` returns; it is called the first time that these samples are asked for a `key`."""
         if key not in self._kept:
             self._kept[key] = compute()
         return self._kept[key]
@@ -118,31 +117,15 @@ class Drift(NamedTuple):
 
 
 def corners(interval: float) -> tuple[float, float]:
-    """Return (lowest, highest) corner of the high-pass filter, Hz, for samples at `interval`, seconds."""
+    """(lowest, highest) corner of the high-pass filter, Hz, for samples at `interval` seconds."""
     return 1.5 * _ORDER / (_MOST_PADDING * interval), 0.499 / interval
 
 
 def corrected(samples: Array, interval: float, baseline: str, corner_hz: float = CORNER_HZ) -> Array:
-    """Return equally spaced samples with a corrected baseline.
+    """Samples (n,) less what the `baseline` correction removes, see `Record`.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-        Accelerations, in any unit.
-    interval : float
-        Time between them, seconds.
-    baseline : {"none", "mean", "linear", "high-pass"}
-        What is removed: nothing; the mean; the line of least squares; or that line and what lies below a corner. The
-        filter is Butterworth's of order 2, run forwards and backwards: phases are kept, the amplitude at f is
-        multiplied by 1 / (1 + (corner / f)^4), which is one half at the corner. Before, 1.5 · 4 / corner seconds of
-        zeros are added on either side, and cut off again.
-    corner_hz : float
-        Corner of the filter, Hz.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the unit of the samples.
+    The filter is Butterworth's of order 2, run forwards and backwards: phases are kept. Before, 1.5 · 4 / corner
+    seconds of zeros are added on either side, and cut off again.
     """
     if baseline == "none":
         return samples
@@ -161,11 +144,7 @@ def corrected(samples: Array, interval: float, baseline: str, corner_hz: float =
 
 
 def drift_of(samples: Array, after: Array, interval: float) -> Drift:
-    """Return peak and end velocities, m/s, and accelerations, m/s², before and after a correction, as a `Drift`.
-
-    `samples` and `after` (n,) are the accelerations before and after it, m/s², and `interval` is the time between
-    samples, seconds.
-    """
+    """`Drift` of accelerations (n,), m/s², `samples` before and `after` a correction."""
     speed, corrected_speed = _velocity(samples, interval), _velocity(after, interval)
     offset, slope, _ = _line(samples)
     return Drift(
@@ -181,18 +160,11 @@ def drift_of(samples: Array, after: Array, interval: float) -> Drift:
 
 
 def _velocity(samples, interval):
-    """Return the velocity (n,), m/s, at the samples (n,), m/s², of accelerations that are linear between them.
-
-    It is 0 at the first; `interval` is the time between samples, seconds.
-    """
+    """Velocity (n,) at samples (n,) of accelerations that are linear between them, 0 at the first."""
     return interval * np.concatenate([[0.0], np.cumsum(0.5 * (samples[1:] + samples[:-1]))])
 
 
 def _line(samples):
-    """Return (middle, slope, steps) of the line of least squares through samples (n,), of any unit.
-
-    `middle` is its value at their middle, `slope` that per sample, and `steps` (n,) the places of the samples, counted
-    in samples from the middle.
-    """
+    """(middle, slope, steps): line of least squares; its slope is per sample, the steps (n,) count from the middle."""
     steps = np.arange(len(samples)) - 0.5 * (len(samples) - 1)
     return float(samples.mean()), float(samples @ steps / (steps @ steps)), steps

@@ -14,9 +14,9 @@ import numpy as np
 
 from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.physics.forcing.base import Forcing, longest_of
+from fpk_rocking.physics.forcing.base import Forcing
 from fpk_rocking.physics.motion import LIFT_OFF, TERMS
-from fpk_rocking.physics.motion.block import forced_response, linear_force_response, particular_series
+from fpk_rocking.physics.motion.slender import forced_response, linear_force_response, particular_series
 
 
 class TransientForcing(Forcing):
@@ -33,44 +33,21 @@ class TransientForcing(Forcing):
 
     @property
     def unit(self) -> float:
-        """Nondimensional spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
+        """Spacing of a grid from 0 on that all kinks and jumps of f fall on; it divides the duration."""
         return self.duration
 
     @abc.abstractmethod
     def series(self, times: Array) -> Array:
-        """Return Taylor coefficients (n, TERMS) of f about nondimensional times (n,), lowest power first.
-
-        At a kink they are those of the piece that begins there.
-        """
+        """Taylor coefficients (n, TERMS) of f about times (n,); at a kink, of the piece that begins there."""
 
     @property
     def longest_piece(self) -> float:
-        """Nondimensional time from its instant for which a polynomial of `pieces` is right to 1e-14.
-
-        That holds if no kink of f lies between.
-        """
-        return min(longest_of(self.shortest_period), 0.5)
+        return min(0.8 * self.shortest_period / (2.0 * math.pi), 0.5)
 
     def spacing(self, longest: float) -> float:
-        """Return the largest spacing, up to `longest`, of a grid from τ = 0 on whose intervals have no kink inside.
-
-        So f and P have one polynomial on each interval. Spacing and `longest` are nondimensional times.
-        """
         return self.unit / math.ceil(self.unit / longest - 1e-9)
 
     def pieces(self, instants: ArrayLike) -> Array:
-        """Coefficients of P, the bounded solution of P'' = P + f, in the time since given instants.
-
-        Parameters
-        ----------
-        instants : array_like, shape (n,)
-            Nondimensional times, 0 or later.
-
-        Returns
-        -------
-        ndarray, shape (n, TERMS)
-            Taylor coefficients of P, lowest power first, for the piece of f that begins at an instant or goes on there.
-        """
         times = np.asarray(instants, dtype=float)
         spacing, states = self._grid
         last = len(states) - 1
@@ -89,11 +66,7 @@ class TransientForcing(Forcing):
         return particular_series(p, q, self.series(times))
 
     def particular_over(self, start: float, duration: float) -> Array:
-        """Return coefficients (TERMS,) of P, lowest power first, in the time since `start`, over a `duration`.
-
-        P is the bounded solution of P'' = P + f; times are nondimensional. In a step with kinks the force is replaced
-        by the linear one under which flights over the step are the same.
-        """
+        """Coefficients of P over a step; if it has kinks, of the linear force under which flights are the same."""
         first, last = (
             int(np.floor(time / self.unit + shift)) for time, shift in ((start, 1e-6), (start + duration, -1e-6))
         )
@@ -106,10 +79,7 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def _grid(self) -> tuple[float, Array]:
-        """Return (spacing, states): a grid of n intervals from 0 to the end, and (P, P') at its nodes, (n + 1, 2).
-
-        P is the bounded solution of P'' = P + f; the spacing is a nondimensional time.
-        """
+        """(spacing, states): a grid of n intervals from 0 to the end, and (P, P') at its nodes (n + 1, 2)."""
         spacing = self.spacing(min(0.2, self.longest_piece))
         count = round(self.duration / spacing)
         points, point_weights = gauss_legendre(12, -1.0, 1.0)
@@ -119,12 +89,14 @@ class TransientForcing(Forcing):
         weights = 0.5 * spacing * point_weights
         before, after = forces @ (weights * np.exp(inside - spacing)), forces @ (weights * np.exp(-inside))
         fade = math.exp(-spacing)
-        left = np.array(_faded_sums(before, fade))
-        right = np.array(_faded_sums(after[::-1], fade))[::-1]
+        left, right = (
+            np.array(list(itertools.accumulate(gains.tolist(), lambda last, gain: last * fade + gain, initial=0.0)))
+            for gains in (before, after[::-1])
+        )
+        right = right[::-1]
         return spacing, np.stack([-0.5 * (left + right), 0.5 * (left - right)], axis=-1)
 
     def particular(self, time: float) -> tuple[float, float]:
-        """Return (P, P') at `time` τ, nondimensional, of the bounded solution of P'' = P + f; values are kept."""
         if time not in self._particulars:
             ((value, slope, *_),) = self.pieces([time])
             self._particulars[time] = float(value), float(slope)
@@ -132,35 +104,25 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def _particulars(self) -> dict[float, tuple[float, float]]:
-        """Results (P, P') of `particular` by their time; it fills this dict."""
+        """What `particular` has returned, by time."""
         return {}
 
     def values(self, times: ArrayLike) -> Array:
-        """Return the force f (n,), nondimensional, at nondimensional times (n,); at a jump, that after it."""
+        """Force (n,) at times (n,); at a jump, that after it."""
         return self.series(np.asarray(times, dtype=float))[:, 0]
 
     def value(self, time: float) -> float:
-        """Return the force f at `time` τ, a float, both nondimensional; at a jump, that after it."""
         return float(self.values([time])[0])
 
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force f (count, 3) at the begin, the middle and the end of each of `count` intervals of a grid from τ = 0 on.
-
-        `spacing` is that of the grid, nondimensional; a jump lies between two intervals.
-        """
         parts = (spacing * np.array([[0.0], [0.5], [1.0]])) ** np.arange(TERMS)
         return self.series(np.arange(count) * spacing) @ parts.T
 
     def slope(self, time: float) -> float:
-        """Return df/dτ at `time` τ, a float, both nondimensional; at a kink, that after it."""
         return float(self.series(np.array([time]))[0, 1])
 
     @functools.cached_property
     def swing(self) -> float:
-        """Bound of |P + P'| and |P - P'|, nondimensional, P being the bounded solution of P'' = P + f.
-
-        It says how far the forcing moves the separatrices, and a block that follows it.
-        """
         # Both change by less than the force and themselves, so between samples by no more than over their distance.
         times = self._sample_times
         p, q = self.pieces(times)[:, :2].T
@@ -169,7 +131,7 @@ class TransientForcing(Forcing):
 
     @functools.cached_property
     def largest_velocity(self) -> float:
-        """Largest |∫f dτ| from τ = 0 on, nondimensional, at ends of pieces and where f changes its sign."""
+        # It is reached at an end of a piece or where f changes its sign.
         spacing = self.spacing(self.longest_piece)
         force = self.series(np.arange(round(self.duration / spacing)) * spacing)
         order = np.arange(TERMS)
@@ -187,40 +149,30 @@ class TransientForcing(Forcing):
 
     @property
     def _sample_times(self) -> Array:
-        """Nondimensional times (n,) from 0 to the end, an eighth of the grid's spacing apart."""
+        """Times (n,) from 0 to the end, an eighth of the grid's spacing apart."""
         spacing = self._grid[0] / 8
         return np.arange(round(self.duration / spacing) + 1) * spacing
 
     @functools.cached_property
-    def _lift_offs(self) -> tuple[Array, Array]:
-        """Nondimensional times (n,) at which |f| rises through 1, and (m,) at which it falls back; each ascending."""
+    def _lift_offs(self) -> Array:
+        """Times (n,) at which |f| rises through 1, ascending."""
         grid = self._sample_times
         above = np.concatenate([[False], np.abs(self.values(grid[:-1])) > LIFT_OFF, [False]])
         rises: list[float] = []
-        falls: list[float] = []
-        for place in np.flatnonzero(above[1:] != above[:-1]).tolist():
+        for place in np.flatnonzero(above[1:] & ~above[:-1]).tolist():
             low, high = grid[max(place - 1, 0)], grid[place]
             for _ in range(60):
                 middle = 0.5 * (low + high)
-                if (abs(self.value(middle)) > LIFT_OFF) == above[place + 1]:
+                if abs(self.value(middle)) > LIFT_OFF:
                     high = middle
                 else:
                     low = middle
-            (rises if above[place + 1] else falls).append(high)
-        return np.array(rises), np.array(falls)
+            rises.append(high)
+        return np.array(rises)
 
     def since_lift_off(self, time: float) -> tuple[float, float]:
-        """Return (elapsed, slope): the time since |f| last rose through 1, as seen at `time`, and d|f|/dτ there.
-
-        Both are nondimensional; (inf, 0) where it has not.
-        """
-        rises = self._lift_offs[0]
+        rises = self._lift_offs
         before = rises[rises <= time + 1e-12 * self.duration]
         if not before.size:
             return math.inf, 0.0
         return max(time - float(before[-1]), 0.0), abs(self.slope(float(before[-1])))
-
-
-def _faded_sums(gains, fade):
-    """Return n + 1 sums, a list of floats: the first is 0, each other is `fade` times the one before plus a gain."""
-    return list(itertools.accumulate(gains.tolist(), lambda last, gain: last * fade + gain, initial=0.0))

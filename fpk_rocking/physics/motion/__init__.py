@@ -1,10 +1,10 @@
 """The motion of one block: x'' = F(x, t) on the side s = ±1, v → e v at x = 0, and rest under a weak force.
 
-From the bottom: `equation` (accelerations, for slender and exact blocks, and the force over a time as a polynomial),
-`flight` (motion between events), `impact` (the impact law and its derivative), `events` (a block through impacts, rest,
-lift-off and overturning). `intervals` and `collocation` do what `events` does, fast, over the intervals of a grid, for
-slender and exact blocks. Without a compiler: `block` (flights of slender blocks as tables, what the exact equation
-adds, and the orbit between the saddles).
+Compiled, from the bottom: `equation` (accelerations, and the force over a time as a polynomial), `flight` (motion
+between events), `impact` (the impact law and its derivative), `events` (a block through impacts, rest, lift-off and
+overturning); `intervals` and `collocation` do what `events` does, fast, over the intervals of a grid, for slender and
+for exact blocks. In plain numbers: `slender` (flights in closed form), `separatrix` (the orbit between the saddles),
+`floor` (contact forces).
 """
 
 import math
@@ -20,8 +20,5 @@ TERMS = 16
 
 
 def lift_off(critical_angle: float) -> float:
-    """Return the largest |f|, nondimensional, under which a block at rest stays: tan(α)/α, or 1 for α = 0.
-
-    `critical_angle` is α, radians; f is the acceleration of the base over g α.
-    """
+    """Largest |f| under which a block at rest stays: tan(α)/α, or 1 for α = 0."""
     return math.tan(critical_angle) / critical_angle if critical_angle > 0.0 else LIFT_OFF

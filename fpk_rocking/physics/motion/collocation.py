@@ -4,18 +4,22 @@ With y = u - m, the folded angle from the saddle, and F = s f a flight is y'' = 
 for equal sides. The polynomial that obeys it at the `NODES` Gauss points of a time has at its end an error of order 2
 `NODES` (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.7). Iteration
 by repeated integrals finds it: each round gains about three digits. The sine and cosine are those at a first guess,
-turned by the little angle from there, so that they cost a few products.
+turned by the little angle from there, so that they cost a few products. Values at the points are SIMD vectors of eight
+floats.
 
 An impact is located on that polynomial, and the flight up to it is made anew, which gives its time and velocity the
 order of the end. It is accepted only where a bound of the acceleration proves that it is the first event. Everything
 else goes to `events.advance_through_events`.
 """
 
+import functools
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed, load, scratch, spread, store, total
+from fpk_rocking.base.arrays import WIDTH, borrowed, load, scratch, spread, store, total
+from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
@@ -37,15 +41,85 @@ from fpk_rocking.physics.motion.events import (
     rest_or_flight,
 )
 from fpk_rocking.physics.motion.impact import velocity_after_impact
-from fpk_rocking.physics.motion.intervals import (
-    COSINE,
-    INNER,
-    MONOMIALS,
-    NODES,
-    POINTS,
-    SINE,
-    TUNING,
-)
+
+NODES = WIDTH
+
+
+def _collocation():
+    """Gauss points c (NODES,) of [0, 1], and tables of the polynomials that are 1 at one of them, 0 at others.
+
+    They are: double integrals from 0 up to the points [polynomial, point]; coefficients on [-1, 1] [polynomial, power];
+    and six rows (6, NODES): c, the double and the single integral to 1, 1/((k + 1)(k + 2)), and the unit vectors of the
+    first and the last point.
+    """
+    points, weights = gauss_legendre(NODES, -1.0, 1.0)
+    lagrange = np.linalg.inv(np.polynomial.legendre.legvander(points, NODES - 1)).T
+    twice = np.array([np.polynomial.legendre.legint(row, 2, lbnd=-1) for row in lagrange])
+    inner = 0.25 * np.polynomial.legendre.legval(points, twice.T)
+    places, order, unit = 0.5 * (1.0 + points), np.arange(NODES), np.eye(NODES)
+    monomials = np.array([np.polynomial.legendre.leg2poly(row) for row in lagrange])
+    rows = 0.5 * weights * (1.0 - places), 0.5 * weights, 1.0 / ((order + 1.0) * (order + 2.0)), unit[0], unit[-1]
+    return places, inner, monomials, np.stack([places, *rows])
+
+
+PLACES, INNER, MONOMIALS, POINTS = _collocation()
+
+
+class FlightTables(NamedTuple):
+    """Tables for flights u'' = u - m + a over one duration: without a, and what a adds by its values at the points.
+
+    `points` (4, NODES): cosh and sinh of the time at the points; angle and velocity at the end that a unit value of a
+    at a point adds. `inner` (NODES, NODES) [j, i]: angle at point i by the value at point j; `cosh`, `sinh` at the end.
+    """
+
+    points: np.ndarray
+    inner: np.ndarray
+    cosh: float
+    sinh: float
+
+
+@functools.lru_cache(maxsize=64)
+def flight_tables(span: float) -> FlightTables:
+    """Tables of flights of the duration `span`; they are cached, so that nothing may write to them."""
+    points, weights = gauss_legendre(24, -1.0, 1.0)
+    ends, parts = span * np.append(PLACES, 1.0), 0.5 * (1.0 + points)
+    lagrange = np.array([[_lagrange(j, end / span * parts) for end in ends] for j in range(NODES)])
+    left = ends[:, None] * (1.0 - parts)
+    weights = 0.5 * weights * ends[:, None]
+    angle = np.einsum("jip,ip->ji", lagrange, weights * np.sinh(left))
+    velocity = np.einsum("jp,p->j", lagrange[:, -1], (weights * np.cosh(left))[-1])
+    rows = np.stack([np.cosh(ends[:-1]), np.sinh(ends[:-1]), angle[:, -1], velocity])
+    return FlightTables(rows, angle[:, :-1].copy(), math.cosh(span), math.sinh(span))
+
+
+def _lagrange(j, places):
+    """Values (n,), at places of [0, 1], of the polynomial that is 1 at `PLACES[j]`, 0 at the other points."""
+    others = np.delete(PLACES, j)
+    return np.prod((places[:, None] - others) / (PLACES[j] - others), axis=1)
+
+
+def _economized(start):
+    """Coefficients of powers of φ² of sin φ/φ (`start` 1) or cos φ (0), right to 1e-16 for |φ| <= π/2."""
+    terms, most = 9, (0.5 * math.pi) ** 2
+    angles = np.sqrt(0.5 * most * (1.0 + np.cos(np.pi * (np.arange(terms) + 0.5) / terms)))
+    values = np.sin(angles) / angles if start else np.cos(angles)
+    fit = np.polynomial.Chebyshev.fit(angles**2, values, terms - 1, domain=[0.0, most])
+    return tuple(float(c) for c in fit.convert(kind=np.polynomial.Polynomial).coef)
+
+
+SINE, COSINE = _economized(1), _economized(0)
+
+
+class Tuning(NamedTuple):
+    """Tuned numbers of the iteration for the accelerations of an exact flight."""
+
+    collocation_change: float = 1e-24
+    """Square of an acceleration, times the duration, that the next round may still change."""
+    collocation_turn: float = 1e-5
+    """Largest sum of squares of the turns from the first guess for which a series has their sine and cosine."""
+
+
+TUNING = Tuning()
 
 _polynomials = scratch(2, TERMS)
 
@@ -54,7 +128,7 @@ _BEND = np.array([k * (k - 1.0) if k > 2 else 0.0 for k in range(TERMS)])
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def lanes_times_table(m, a):
-    """Return the row `a` times the table `m` (NODES, NODES): a SIMD vector of NODES = 8 floats (`Lanes`), as `a`."""
+    """Row `a` times the table `m` (NODES, NODES)."""
     first = load(m, 0) * spread(a, 0) + load(m, 1) * spread(a, 1)
     second = load(m, 2) * spread(a, 2) + load(m, 3) * spread(a, 3)
     third = load(m, 4) * spread(a, 4) + load(m, 5) * spread(a, 5)
@@ -63,12 +137,10 @@ def lanes_times_table(m, a):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _iterate(table, factor, base, own, near, force, square, alpha, scale):
-    """Find the accelerations at the points of a flight from a guess `near` of y = u - m there.
+    """(accelerations, y, converged) at the points of a flight, from a guess `near` of y.
 
-    `Lanes` are SIMD vectors of eight floats, one a Gauss point. `base`, `near` and `force`, which is s f, are such;
-    `square` is the duration squared, `alpha` α, radians, and `scale` κ. y is `base` plus `factor` times the integrals,
-    by the `table` (NODES, NODES), of what is returned first: y'', less y if `own`. Return (that, y, converged):
-    `Lanes`, `Lanes`, and a bool, whether the iteration has come to its end. All are nondimensional.
+    y is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of the accelerations: y'', less y if
+    `own`. `force` is s f at the points, `square` the duration squared.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -108,12 +180,7 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def fly_by_tables(u, w, side, force, tables, span, block):
-    """Return (u, w, bend, converged) after a flight over the duration `span` of `tables`, a `FlightTables`.
-
-    `u`, `w`, floats, are s x and s v, at the begin and at the end; `bend`, as `Lanes`, SIMD vectors of eight floats, is
-    u'' at the Gauss points, `converged` whether the iteration has come to its end. `side` is s, +1 or -1, `force` is s
-    f at the points, `Lanes`, and `block` an exact `KernelBlock`. All are nondimensional.
-    """
+    """(u, w, u'' at the points, converged) after a flight over the time of `tables`, under s f at the points."""
     alpha, middle, scale = block.critical_angle, saddle(side, block), acceleration_scale(side, block)
     cosh, y = load(tables.points, 0), u - middle
     base = cosh * y + load(tables.points, 1) * w
@@ -130,27 +197,7 @@ def fly_by_tables(u, w, side, force, tables, span, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def fly_collocated(u, w, side, force, span, block, near):
-    """Carry an exact block in flight over a time by collocation at eight Gauss points; all nondimensional.
-
-    Parameters
-    ----------
-    u, w : float
-        Folded angle s x and velocity s v at its begin.
-    side : int
-        The side s, +1 or -1.
-    force : Lanes
-        Folded force s f at the points, a SIMD vector of eight floats.
-    span : float
-        The time.
-    block : KernelBlock
-    near : Lanes
-        A guess of u - m at the points, m the folded angle of unstable balance.
-
-    Returns
-    -------
-    u, w, bend, converged : float, float, Lanes, bool
-        State at the end, u'' at the points, and whether the iteration has come to its end.
-    """
+    """(u, w, u'' at the points, converged) after a flight over `span`; `near` is a guess of y at the points."""
     y, slope, square, scale = u - saddle(side, block), span * w, span * span, acceleration_scale(side, block)
     base = y + slope * load(POINTS, 0)
     bend, _, converged = _iterate(INNER, square, base, False, near, force, square, block.critical_angle, scale)
@@ -159,11 +206,7 @@ def fly_collocated(u, w, side, force, span, block, near):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _guess(u, w, side, begin, end, span, block):
-    """Return a guess of u - m at the Gauss points of a flight, `Lanes` (eight floats), for a cubic polynomial u = s x.
-
-    `u`, `w` are s x and s v at its begin, `side` is s, +1 or -1, `begin` and `end` are s f at the first and the last
-    point, `span` is the duration, all nondimensional, and `block` a `KernelBlock`.
-    """
+    """Guess of y at the points of a flight, for a cubic u; `begin`, `end` are s f at the first and the last point."""
     y, slope, c = u - saddle(side, block), span * w, load(POINTS, 0)
     square = acceleration_scale(side, block) * (span * span)
     bend = 0.5 * square * (y + begin)
@@ -173,10 +216,7 @@ def _guess(u, w, side, begin, end, span, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _value(coefficients, terms, t):
-    """Return the values of a polynomial at eight times `t`, `Lanes` as `t` (SIMD vectors of eight floats).
-
-    `coefficients` has `terms` (even) of them, lowest power first; even and odd powers are summed apart, for speed.
-    """
+    """Values of a polynomial at eight times; even and odd powers are summed apart, for speed."""
     square = t * t
     even, odd = square * 0.0 + coefficients[terms - 2], square * 0.0 + coefficients[terms - 1]
     for k in range(terms - 4, -1, -2):
@@ -186,10 +226,9 @@ def _value(coefficients, terms, t):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _expand(u, w, span, bend, scratch, angle):
-    """Write to `angle` (TERMS,) the coefficients of u = s x in the time since the flight's middle, lowest power first.
+    """Write to `angle` (TERMS,) the coefficients of u in the time, from -1 to 1, of a flight with u'' at the points.
 
-    The unit of that time is half of the duration. `u`, `w` are s x and s v at the begin, `span` the duration, `bend` is
-    u'' at the Gauss points, `Lanes`, all nondimensional. Row 1 of `scratch` (2, TERMS) is written to.
+    Row 1 of `scratch` (2, TERMS) is written to.
     """
     half = 0.5 * span
     store(scratch, 1, (half * half) * (load(POINTS, 3) * lanes_times_table(MONOMIALS, bend)))
@@ -207,10 +246,7 @@ def _expand(u, w, span, bend, scratch, angle):
 
 @kernel(forceinline=True)
 def _without_begin(angle, quotient):
-    """Write to `quotient` (TERMS,) the coefficients of a polynomial divided by t + 1; lowest power first.
-
-    `angle` (TERMS,) are the polynomial's coefficients in t; it is 0 at the flight's begin, t = -1.
-    """
+    """Write to `quotient` (TERMS,) the polynomial `angle`, which is 0 at t = -1, divided by t + 1."""
     value = 0.0
     for k in range(TERMS - 1, 0, -1):
         value = angle[k] - value
@@ -220,10 +256,9 @@ def _without_begin(angle, quotient):
 
 @kernel(forceinline=True)
 def _leaves(u, w, angle, last, fall, block):
-    """Whether a flight from x = 0 surely rises, a bool: its acceleration does, from 0 or more, but for 1e-9.
+    """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9.
 
-    `u`, `w` are s x and s v at the begin, `angle` (TERMS,) the coefficients of s x in time from -1 to 1 (`_expand`),
-    `last` is s x at the end, `fall` half of the bound of -u'' in that time, and `block` a `KernelBlock`.
+    `angle` are coefficients by `_expand`, `last` is u at the end, `fall` half of the bound of -u''.
     """
     if u != 0.0 or w < 0.0 or last + fall >= block.cutoff:
         return False
@@ -236,12 +271,7 @@ def _leaves(u, w, angle, last, fall, block):
 
 @kernel(forceinline=True)
 def _hop(u, w, side, force, start, until, block):
-    """Return (duration, w) of a low hop from x = 0 to the next impact, w = s v then; (0, 0) if it may be long.
-
-    `u`, `w` are s x and s v at `start`, `side` is s, +1 or -1, `force` (TERMS,) are the coefficients of f, lowest power
-    first, in the time of `start`, `block` is a `KernelBlock`. A hop that takes more than half of the time up to `until`
-    counts as long. All are nondimensional.
-    """
+    """(duration, w) of a low hop from x = 0 to the next impact; (0, 0) if it may take half of the time to `until`."""
     if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
     (f, slope), alpha = value_and_slope(force, start), block.critical_angle
@@ -261,12 +291,7 @@ def _hop(u, w, side, force, start, until, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _flight(u, w, side, force, start, span, block):
-    """Return (u, w, bend, converged) after a flight over the time `span` from `start`, as `fly_collocated` does.
-
-    `u`, `w`, floats, are s x and s v, `bend` is u'' at the Gauss points (`Lanes`), `converged` a bool. `side` is s, +1
-    or -1, `force` (TERMS,) are the coefficients of f, lowest power first, in the time of `start`, and `block` is a
-    `KernelBlock`. All are nondimensional.
-    """
+    """As `fly_collocated`, from `start` in the time of the coefficients (TERMS,) of f."""
     push = side * _value(force, TERMS, start + span * load(POINTS, 0))
     near = _guess(u, w, side, total(push * load(POINTS, 4)), total(push * load(POINTS, 5)), span, block)
     return fly_collocated(u, w, side, push, span, block, near)
@@ -274,11 +299,9 @@ def _flight(u, w, side, force, start, span, block):
 
 @kernel(forceinline=True)
 def _event(u, w, last, angle, quotient, block):
-    """Return (event, place): the first `Event` in a flight, UNKNOWN where no bound decides, and its time from -1 to 1.
+    """(event, place): the first `Event` in a flight, UNKNOWN where no bound decides, and its time from -1 to 1.
 
-    That time is the one of the polynomial `angle` (TERMS,) that `_expand` wrote, -1 at the begin and 1 at the end. `u`,
-    `w` are s x and s v at the begin, `last` is s x at the end, `quotient` (TERMS,) is written to, and `block` is a
-    `KernelBlock`.
+    `angle` are coefficients by `_expand`, `last` is u at the end; `quotient` (TERMS,) is written to.
     """
     fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
@@ -296,12 +319,7 @@ def _event(u, w, last, angle, quotient, block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _arrive(u, w, side, force, start, time, place, angle, block):
-    """Return (duration, w), time and velocity s v of a flight up to its impact near `time` after `start`; or (0, 0).
-
-    `u`, `w` are s x and s v at `start`, `side` is s, +1 or -1, `force` (TERMS,) are the coefficients of f, lowest power
-    first, `place` is `time` in the time (-1 to 1) of the polynomial `angle` (TERMS,) that `_expand` wrote, and `block`
-    is a `KernelBlock`. Zeros say that the impact is not within 1e-7 of `time`.
-    """
+    """(duration, w) of a flight up to its impact near `time` after `start`, or (0, 0) if that is not within 1e-7."""
     places = load(POINTS, 0)
     push = side * _value(force, TERMS, start + time * places)
     near = _value(angle, NODES + 2, (place + 1.0) * places - 1.0) - saddle(side, block)
@@ -314,11 +332,7 @@ def _arrive(u, w, side, force, start, time, place, angle, block):
 
 @kernel(forceinline=True)
 def _land(side, speed, force, half, time, block, impacts, origin, slow):
-    """Return (x, v, side, time) after an impact at `time`, or those of rest, side 0, at the time of its begin.
-
-    `side`, ±1, is that before the impact, `speed` s v then, `force` (TERMS,) are the coefficients of f, lowest power
-    first, for |t| up to `half`; `block`, `impacts`, `origin` and `slow` are as of `advance_through_events`.
-    """
+    """(x, v, side, time) after an impact at `time`, or those of rest, side 0, when it begins."""
     if impacts is not None:
         record_impact(impacts, origin + time, side * speed)
     v, side = velocity_after_impact(side * speed, restitution_from(side, block)), -side
@@ -334,24 +348,10 @@ def _land(side, speed, force, half, time, block, impacts, origin, slow):
 def advance_from_flight(
     force, half, x, v, side, start, end, block, impacts, origin, followed, last, speed, bend, slow=CHATTER_TIME
 ):
-    """Carry an exact block through a part of an interval: as `events.advance_through_events`, with the same accuracy.
+    """(x, v, side, time) of an exact block through a part of an interval, as accurate as `advance_through_events`.
 
-    Parameters
-    ----------
-    force : ndarray (TERMS,)
-        Coefficients of the force, a polynomial of time, lowest power first.
-    half : float
-        Largest |t| for which it is used.
-    x, v, side, start, end, block, impacts, origin, slow
-        As of `advance_through_events`; times are those of the polynomial.
-    followed, last, speed, bend : bool, float, float, Lanes
-        Whether the flight from `start` to `end`, on over impacts, has been followed, and what `fly_collocated` gave:
-        s x and s v at its end, and u'' at the Gauss points.
-
-    Returns
-    -------
-    x, v, side, time : float, float, int, float
-        Angle, velocity and side (0 at rest) at `time`, which is `end` unless the block overturned earlier.
+    `force` (TERMS,) are the coefficients of f for |t| <= `half`. `followed`: whether the flight from `start` to `end`,
+    on over impacts, has been followed; `last`, `speed`, `bend` are then what `fly_collocated` gave.
     """
     work, until, converged = _polynomials(), end, True
     angle, quotient = work[0], work[1]
@@ -390,10 +390,7 @@ def advance_from_flight(
 
 @kernel
 def advance_collocated(force, half, x, v, side, start, end, block, impacts, origin, slow=CHATTER_TIME):
-    """Return (x, v, side, time) of an exact block carried from `start` to `end`, or until it overturns.
-
-    The arguments are those of `advance_from_flight`, without its flight: none is followed yet.
-    """
+    """As `advance_from_flight`, of which no flight is followed yet."""
     nothing = load(POINTS, 0)
     return advance_from_flight(
         force, half, x, v, side, start, end, block, impacts, origin, False, 0.0, 0.0, nothing, slow

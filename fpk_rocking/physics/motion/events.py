@@ -3,7 +3,8 @@
 Events are found in the folded motion u = s x >= 0, w = s v. A bound of u'' over the segment gives a parabola that u
 cannot undercut; marching from one parabola's root to the next can approach the first event but never step over it,
 grazing included, and converges quadratically. Where a flight has no closed form it goes from one series to the next.
-Bounds of the acceleration are all that is used, so it holds for slender and exact blocks.
+Bounds of the acceleration are all that is used, so it holds for slender and exact blocks. Times count from the start of
+the segment.
 """
 
 import enum
@@ -43,9 +44,9 @@ _series = scratch(*SERIES)
 
 
 class ImpactRecord(NamedTuple):
-    """Room for the impacts of one block: `count` (1,), `time` and `velocity` (capacity,), nondimensional.
+    """Room for the impacts of one block: `count` (1,), `time` and `velocity`, that before impact, (capacity,).
 
-    `velocity` is that before impact. Impacts beyond the capacity are counted and not kept.
+    Impacts beyond the capacity are counted and not kept.
     """
 
     count: np.ndarray  # type: ignore[assignment]  # a field, in place of the method of a tuple
@@ -55,10 +56,6 @@ class ImpactRecord(NamedTuple):
 
 @kernel
 def record_impact(impacts, time, velocity):
-    """Write `time` and `velocity`, just before an impact, to the arrays of `impacts`, an `ImpactRecord`, and count it.
-
-    Both are nondimensional. An impact beyond the record's capacity is only counted.
-    """
     place = impacts.count[0]
     if place < impacts.time.size:
         impacts.time[place] = time
@@ -69,25 +66,9 @@ def record_impact(impacts, time, velocity):
 # Inlined by force: a call would count references to the segment's arrays, which costs as much as the flight itself.
 @kernel(forceinline=True)
 def next_event(x, v, side, segment, start, end, block):
-    """First impact or overturning of a flight, or the segment's end.
+    """(event, time, x, v): first impact or overturning of a flight from (x, v) at `start`, or NONE at `end`.
 
-    Parameters
-    ----------
-    x, v : float
-        Angle (side * x >= 0) and velocity at `start`, nondimensional.
-    side : int
-        +1 or -1.
-    segment : Segment
-        The forcing, as polynomials in the time since the segment's start.
-    start, end : float
-        Times since the segment's start, nondimensional.
-    block : KernelBlock
-
-    Returns
-    -------
-    event, time, x, v : Event, float, float, float
-        NONE, IMPACT or OVERTURNING, and the state at that time; at an impact x is 0 and v still the velocity before it
-        (0 for a block in contact, slower than `SPEED_FLOOR`).
+    At an impact x is 0 and v still the velocity before it (0 for a block in contact, slower than `SPEED_FLOOR`).
     """
     cutoff, work = block.cutoff, _series()
     touch = 2e-15  # distance that counts as contact: ten times the rounding of an angle
@@ -120,17 +101,13 @@ def next_event(x, v, side, segment, start, end, block):
 
 @kernel(inline="always")
 def can_lift_off(low, high, block):
-    """Whether a force f, from `low` to `high`, nondimensional, may lift off a `KernelBlock` at rest: a bool."""
+    """Whether a force from `low` to `high` may lift off a block at rest."""
     return high >= lift_off_level(1, block) or -low >= lift_off_level(-1, block)
 
 
 @kernel
 def chord_clearance(side, low, high, span, block):
-    """How far, at most, a flight's folded angle u = s x goes below and above the chord between its ends: two floats.
-
-    They are bounds of |u''| times span² / 8. `side` is s, +1 or -1, `low` and `high` bound f over the flight, `span` is
-    its duration, all nondimensional, and `block` a `KernelBlock`.
-    """
+    """How far, at most, u goes below and above the chord between a flight's ends: bounds of |u''| times span² / 8."""
     fall, rise = acceleration_bounds(side, low, high, block)
     sag = 0.125 * span * span
     return sag * max(rise, 0.0), sag * max(fall, 0.0)
@@ -138,22 +115,14 @@ def chord_clearance(side, low, high, span, block):
 
 @kernel
 def surely_eventless(u, end, side, low, high, span, block, margin=0.0):
-    """Whether a flight surely keeps the distance `margin` from x = 0 and from the cut-off: a bool.
-
-    `u` and `end` are the folded angles s x at its ends, `side` is s, +1 or -1, `low` and `high` bound f, `span` is its
-    duration, all nondimensional, and `block` a `KernelBlock`.
-    """
+    """Whether a flight with u at its ends surely keeps the distance `margin` from x = 0 and from the cut-off."""
     below, above = chord_clearance(side, low, high, span, block)
     return min(u, end) - below > margin and max(u, end) + above < block.cutoff - margin
 
 
 @kernel(inline="always")
 def folded_angle_bounds(u, w, side, low, high, span, block):
-    """Bounds (least, greatest), two floats, of the folded angle u = s x after a time `span` of a flight without event.
-
-    `u`, `w` are s x and s v at its begin, `side` is s, +1 or -1, `low` and `high` bound f, all nondimensional, and
-    `block` is a `KernelBlock`.
-    """
+    """Bounds (least, greatest) of u after a time `span` of a flight without event."""
     fall, rise = acceleration_bounds(side, low, high, block)
     half, straight = 0.5 * span * span, u + span * w
     return straight - half * max(fall, 0.0), straight + half * max(rise, 0.0)
@@ -161,12 +130,11 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 
 @kernel
 def lift_off_time(segment, start, end, block):
-    """Return (time, side): when in [start, end] a block at rest lifts off, and to which side, ±1; else (end, 0).
+    """(time, side) at which a block at rest lifts off in [start, end]; else (end, 0).
 
-    Times are nondimensional and count from the start of `segment`, a `Segment` of the forcing; `block` is a
-    `KernelBlock`. |f| must pass its level by more than a margin, a thousand times the rounding of f: the block then
-    surely leaves, and whoever asks again at the same time gets the same answer. The march heads for twice the margin,
-    so its steps cannot dwindle to nothing.
+    |f| must pass its level by more than a margin, a thousand times the rounding of f: the block then surely leaves, and
+    whoever asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot
+    dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
     left, right = lift_off_level(-1, block), lift_off_level(1, block)
@@ -183,12 +151,10 @@ def lift_off_time(segment, start, end, block):
 
 @kernel
 def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
-    """Return (side, delay) of what follows an impact: (side, 0.0) for flight, (0, delay) for rest after a time `delay`.
+    """(side, 0.0) for flight or (0, delay) for rest after an impact that leads to `side` at a `speed`.
 
-    Rest may end at once. `speed` is |v| just after the impact, `side` (1 or -1) the side it leads to, `time` that of
-    the impact since the start of `segment`, a `Segment`, all nondimensional, and `block` a `KernelBlock`. Chatter is
-    summed, as a delay, where it ends within the time `slow` under a force that changes by less than a hundredth of its
-    distance to lift-off. Speeds below `SPEED_FLOOR` are dropped: (0, 0.0).
+    Chatter is summed, as a delay, where it ends within the time `slow` under a force that changes by less than a
+    hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped: (0, 0.0). Rest may end at once.
     """
     force, slope = value_and_slope(segment.force, time)
     gap = min(lift_off_level(1, block) - force, lift_off_level(-1, block) + force)
@@ -201,30 +167,11 @@ def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
 
 @kernel(forceinline=True)  # see next_event
 def advance_through_events(x, v, side, segment, start, end, block, impacts=None, origin=0.0, slow=CHATTER_TIME):
-    """Carry a block from `start` to `end` of a segment, exactly, through everything that happens to it.
+    """(x, v, side, time) of a block carried from `start` to `end` of a segment through everything that happens to it.
 
-    Parameters
-    ----------
-    x, v : float
-        Angle and velocity at `start`, nondimensional.
-    side : int
-        +1, -1, or 0 at rest (then x = v = 0).
-    segment : Segment
-        The forcing; times count from its start.
-    start, end : float
-        Nondimensional times since the segment's start.
-    block : KernelBlock
-    impacts : ImpactRecord, optional
-        Records the impacts, at times counted from `origin`; those that are summed as chatter are not recorded.
-    origin : float
-        Time of the segment's start.
-    slow : float
-        Chatter that ends within this time is summed in closed form.
-
-    Returns
-    -------
-    x, v, side, time : float, float, int, float
-        The state at `time`, which is `end` unless the block overturned earlier, and then |x| = cutoff.
+    The side is 0 at rest (then x = v = 0); `time` is `end` unless the block overturned earlier, and then |x| = cutoff.
+    `impacts`, an `ImpactRecord` or None, gets times counted from -`origin`, and no chatter; chatter that ends within
+    the time `slow` is summed in closed form.
     """
     t = start
     while t < end:
@@ -247,11 +194,9 @@ def advance_through_events(x, v, side, segment, start, end, block, impacts=None,
 
 @kernel(fastmath={"contract", "reassoc"}, forceinline=True)
 def curvature_bounds(folded, bend):
-    """Return (fall, rise), at least 0: half of the bounds of -u'' and of u'' over an interval, for a polynomial u.
+    """(fall, rise), at least 0: half of the bounds of -u'' and of u'' over an interval, for a polynomial u (TERMS,).
 
-    `folded` (TERMS,) are the coefficients of u, lowest power first, in the time since the middle, and `bend` (TERMS,)
-    is, for k > 2, k (k - 1) times the half of the interval's duration to the power k - 2, else 0. All are
-    nondimensional.
+    Its time counts from the middle; `bend` (TERMS,) is k (k - 1) half^(k - 2) for k > 2, else 0.
     """
     spread = 0.0
     for k in range(folded.size):
@@ -261,10 +206,7 @@ def curvature_bounds(folded, bend):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def downward_root(q, half):
-    """Return (t, slope): a time in [-half, half] at which a polynomial falls through zero, and its slope there.
-
-    (0.0, 0.0) says that none is found. `q` (TERMS,) are its coefficients, lowest power first.
-    """
+    """(time, slope) in [-half, half] at which a polynomial (TERMS,) falls through zero; (0.0, 0.0) if none is found."""
     square = q[1] * q[1] - 4.0 * q[2] * q[0]
     if square <= 0.0:
         return 0.0, 0.0
@@ -292,10 +234,9 @@ def downward_root(q, half):
 
 @kernel(forceinline=True)
 def chord_excludes_event(u, end, square, rise, fall, cutoff):
-    """Whether a flight surely has no event between its ends, a bool: the parabolas over its chord tell.
+    """Whether a flight surely has no event between its ends: the parabolas over its chord tell.
 
-    `u` and `end` are the folded angles s x at its ends, `square` is its duration squared, `rise` and `fall` are half of
-    the bounds of u'' and -u'', and `cutoff` is the angle of overturning; all are nondimensional.
+    `square` is its duration squared, `rise` and `fall` are half of the bounds of u'' and -u''.
     """
     higher, lower = max(u, end), min(u, end)
     return (higher >= rise * square or lower >= 0.25 * rise * square) and higher + 0.25 * fall * square < cutoff

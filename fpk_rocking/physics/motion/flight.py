@@ -7,7 +7,7 @@ long as its last terms are below rounding, and then made anew.
 
 `start_flight`, `flight_state` and `outward_time` march through a flight in search of events; `flight_end` goes straight
 to its end. Times count from the segment's start. The last functions have the covariance that white noise gathers in a
-flight, dv = (x - s + f) dt + sqrt(2 D) dW, and the shears of which a flight is made.
+flight, dv = (x - s + f) dt + sqrt(2 D) dW.
 """
 
 import math
@@ -16,10 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base.arrays import scratch
-from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.block import dynamic_stiffness as plain_dynamic_stiffness
 from fpk_rocking.physics.motion.equation import (
     acceleration_scale,
     dispatch_on_block,
@@ -34,16 +32,10 @@ from fpk_rocking.physics.motion.equation import (
 # Arguments that one of two forms does not use are there for the other.
 # ruff: noqa: ARG001
 
-dynamic_stiffness = kernel(inline="always")(plain_dynamic_stiffness)
-
 
 @kernel(forceinline=True)
 def exponential_parts(x, v, side, particular, t):
-    """Return (grow, decay), the exponential parts at t of a slender flight that is at (x, v) then.
-
-    Their sum is y = x - s - P, their difference y'. `side` is s, +1 or -1; `particular` (TERMS,) are the coefficients,
-    lowest power first, of P, a solution of P'' = P + f, in the time of t. All are nondimensional.
-    """
+    """(grow, decay) at t: y = x - s - P is their sum, y' their difference; P counts from the same time as t."""
     p, q = value_and_slope(particular, t)
     y, z = x - side - p, v - q
     return 0.5 * (y + z), 0.5 * (y - z)
@@ -51,29 +43,19 @@ def exponential_parts(x, v, side, particular, t):
 
 @kernel(forceinline=True)
 def state_from_exponentials(grow, decay, side, particular, t):
-    """Return (x, v), angle and velocity of a slender flight at t: the inverse of `exponential_parts`.
-
-    `grow` and `decay` are the exponential parts of x - s - P at t, `side` is s, +1 or -1, and `particular` (TERMS,) are
-    the coefficients of P, lowest power first. All are nondimensional.
-    """
+    """(x, v) at t, the inverse of `exponential_parts`."""
     p, q = value_and_slope(particular, t)
     return side + p + grow + decay, q + grow - decay
 
 
 @kernel(inline="always")
 def folded_angle(side, p, grow, decay):
-    """Return the folded angle u = s x of a slender flight at an instant, a float.
-
-    `side` is s, +1 or -1, `p` is P, and `grow` and `decay` are the exponential parts of x - s - P then, nondimensional.
-    """
+    """U = s x of a slender flight, from P and the exponential parts."""
     return 1.0 + side * (p + grow + decay)
 
 
 class SlenderFlight(NamedTuple):
-    """A slender flight: its times from `begin` to `end`, bounds `fall` of -u'' and `rise` of u'' (u = s x) over them.
-
-    `grow` and `decay` are the exponential parts of x - s - P at `begin`. All are nondimensional.
-    """
+    """Times, bounds `fall` of -u'' and `rise` of u'' over them, and the exponential parts at `begin`."""
 
     begin: float
     end: float
@@ -85,11 +67,7 @@ class SlenderFlight(NamedTuple):
 
 @kernel(forceinline=True)
 def _start_slender(x, v, side, segment, start, end, work, block):
-    """Return the named tuple `SlenderFlight` of a flight from (x, v) at `start`: bounds of u'', exponential parts.
-
-    `side` is s, +1 or -1; `start` and `end` are times since the start of `segment`, a `Segment`; all are
-    nondimensional. `block` is a `KernelBlock`; `work` is not used.
-    """
+    """`SlenderFlight` from (x, v) at `start`."""
     p, q = value_and_slope(segment.particular, start)
     fall, rise = slender_acceleration_bounds(side, segment.force_low, segment.force_high, block)
     return SlenderFlight(start, end, fall, rise, 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q))
@@ -97,21 +75,14 @@ def _start_slender(x, v, side, segment, start, end, work, block):
 
 @kernel(forceinline=True)
 def _slender_state(flight, side, segment, t, work, block):
-    """Return (x, v), angle and velocity at t of `flight`, a `SlenderFlight` on the side s, +1 or -1, nondimensional.
-
-    `t` counts from the start of `segment`, a `Segment`; `work` and `block` are not used.
-    """
+    """(x, v) at t."""
     factor = math.exp(t - flight.begin)
     return state_from_exponentials(flight.grow * factor, flight.decay / factor, side, segment.particular, t)
 
 
 @kernel(forceinline=True)
 def _slender_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' of a slender flight surely stays >= 0 from t on, nondimensional; -1.0 where u'' < 0 at t.
-
-    `flight` is a `SlenderFlight`, `u` = s x the folded angle at `t`, which counts from the start of `segment`, a
-    `Segment`; `side` is s, +1 or -1, and `block` a `KernelBlock`; `work` is not used.
-    """
+    """Time for which u'' surely stays >= 0 from t on; -1.0 where u'' < 0 at t."""
     force, jerk = value_and_slope(segment.force, t)
     rising = slender_acceleration(u, side, force, block)
     return least_closing_time(rising, side * jerk, segment.force_curvature) if rising >= 0.0 else -1.0
@@ -119,10 +90,7 @@ def _slender_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def slender_flight_end(x, v, side, segment, start, end, block):
-    """Return (x, v), angle and velocity at `end`, of a slender flight that is at (x, v) at `start`, nondimensional.
-
-    The times count from the start of `segment`, a `Segment`; `side` is +1 or -1; `block`, a `KernelBlock`, is not used.
-    """
+    """(x, v) at `end` of a slender flight from (x, v) at `start`."""
     p, q = value_and_slope(segment.particular, start)
     factor = math.exp(end - start)
     grow, decay = 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
@@ -138,10 +106,7 @@ _series = scratch(*SERIES)
 
 
 class ExactFlight(NamedTuple):
-    """An exact flight: its series holds from `begin` to `end`.
-
-    `fall`, `rise` and `snap` are bounds of -u'', u'' and |u''''| (u = s x) over these times. All are nondimensional.
-    """
+    """Times for which the series holds, and bounds of -u'', u'' and |u''''| over them."""
 
     begin: float
     end: float
@@ -152,11 +117,9 @@ class ExactFlight(NamedTuple):
 
 @kernel
 def _expand(u, w, side, force, t, span, block, work):
-    """Write Taylor series of a flight about t to `work` (4, TERMS); return for how long, a float, that of u holds.
+    """Write Taylor series about t of u, sin φ, cos φ and s f to `work` (4, TERMS); return for how long that of u holds.
 
-    The rows are u = s x, sin φ, cos φ and s f, with φ = α (m - u), lowest power first. `u`, `w` are s x and s v at t,
-    `side` is s, +1 or -1, `force` (TERMS,) are the coefficients of f and `block` is a `KernelBlock`. The series ends
-    where its terms are below rounding at the end of the time `span`, for which it then holds. All are nondimensional.
+    It ends where its terms are below rounding at the end of the time `span`, for which it then holds.
     """
     angle, sine, cosine, push, alpha = work[0], work[1], work[2], work[3], block.critical_angle
     move_origin(force, t, push)
@@ -189,12 +152,7 @@ def _expand(u, w, side, force, t, span, block, work):
 
 @kernel
 def _start_exact(x, v, side, segment, start, end, work, block):
-    """Return the named tuple `ExactFlight` (times, bounds of u'' and u'''') of a flight from (x, v) at `start`.
-
-    It ends at `end`, or earlier where its series ceases to hold. The series is written to `work`, of the shape
-    `SERIES`, (4, TERMS); `side` is +1 or -1, `start` and `end` count from the start of `segment`, a `Segment`, and
-    `block` is a `KernelBlock`. All are nondimensional.
-    """
+    """`ExactFlight` from (x, v) at `start` to `end`, or as long as its series, in `work` (4, TERMS), holds."""
     reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
     spread, snap, power = 0.0, 0.0, 1.0
@@ -210,21 +168,14 @@ def _start_exact(x, v, side, segment, start, end, work, block):
 
 @kernel
 def _exact_state(flight, side, segment, t, work, block):
-    """Return (x, v), angle and velocity at t of `flight`, an `ExactFlight` whose series is in `work` (4, TERMS).
-
-    `side` is +1 or -1, `t` counts from the segment's start; all are nondimensional. `segment` and `block` are not used.
-    """
+    """(x, v) at t."""
     u, w = value_and_slope(work[0], t - flight.begin)
     return side * u, side * w
 
 
 @kernel
 def _exact_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' of an exact flight surely stays >= 0 from t on, within the series; -1.0 where u'' < 0 at t.
-
-    `flight` is an `ExactFlight` whose series is in `work` (4, TERMS); `t` counts from the segment's start, and u is s
-    x; all are nondimensional. `u`, `side`, `segment` and `block` are not used.
-    """
+    """Time for which u'' surely stays >= 0 from t on, within the series; -1.0 where u'' < 0 at t."""
     angle, since = work[0], t - flight.begin
     rising, jerk = 0.0, 0.0
     for k in range(TERMS - 1, 1, -1):
@@ -235,10 +186,7 @@ def _exact_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def _exact_flight_end(x, v, side, segment, start, end, block):
-    """Return (x, v), angle and velocity at `end`, of an exact flight that is at (x, v) at `start`, nondimensional.
-
-    The times count from the start of `segment`, a `Segment`; `side` is +1 or -1, and `block` is a `KernelBlock`.
-    """
+    """(x, v) at `end` of an exact flight from (x, v) at `start`."""
     work, t, u, w = _series(), start, side * x, side * v
     while t < end:
         reach = _expand(u, w, side, segment.force, t, end - t, block, work)
@@ -255,70 +203,43 @@ flight_end = dispatch_on_block(slender_flight_end, _exact_flight_end)
 
 @kernel
 def unstable_coordinate(u, w, side, particular, t):
-    """Return z = u + w - 1 - s (P + P') at t, a float: above 0 a slender flight without noise or impact escapes.
-
-    `u`, `w` are s x and s v, `side` is s, +1 or -1, and `particular` (TERMS,) are the coefficients, lowest power first,
-    of P, a solution of P'' = P + f. All are nondimensional.
-    """
+    """Z = u + w - 1 - s (P + P') at t: above 0 a slender flight without noise or impact escapes."""
     value, slope = value_and_slope(particular, t)
     return u + w - 1.0 - side * (value + slope)
 
 
 @kernel(inline="always")
 def homogeneous_flight(y, v, cosh, sinh):
-    """Return (y, v) of a slender block without force after a time t, from `y` = x - s and `v`; nondimensional.
-
-    `cosh` and `sinh` are those of t.
-    """
+    """(y, v) after a slender flight without force, y = x - s."""
     return cosh * y + sinh * v, sinh * y + cosh * v
 
 
 @kernel(inline="always")
 def apply_affine(x, v, affine):
-    """Return (x, v), angle and velocity after a flight from (x, v), nondimensional.
-
-    `affine` is the flight as an affine map, a tuple of the cosh and the sinh of its duration and its shift (2,).
-    """
+    """(x, v) after a flight that is an affine map (cosh, sinh, shift)."""
     cosh, sinh, shift = affine
     return shift[0] + cosh * x + sinh * v, shift[1] + sinh * x + cosh * v
 
 
 @kernel(fastmath={"contract"})
 def runge_kutta_coefficients(h):
-    """Return what a step `h` of the classical Runge-Kutta method has in place of cosh h, sinh h and cosh h - 1.
-
-    It is that of order 4, for x'' = x - s + f; three floats. `h` is the time step, nondimensional.
-    """
+    """What a classical Runge-Kutta step h of x'' = x - s + f has in place of cosh h, sinh h, cosh h - 1."""
     keep, swap = 1.0 + h * h * (0.5 + h * h / 24.0), h * (1.0 + h * h / 6.0)
     return keep, swap, h * h * (3.0 + 0.25 * h * h) / 6.0
 
 
 @kernel(fastmath={"contract"})
 def runge_kutta_forcing(begin, middle, end, h):
-    """Return (x, v), angle and velocity that a force adds in a step `h` of the classical Runge-Kutta method.
-
-    The equation is x'' = x - s + f. `begin`, `middle` and `end` are f at the step's begin, middle and end; all are
-    nondimensional.
-    """
+    """(x, v) that a force adds in a classical Runge-Kutta step, by its values at begin, middle and end."""
     x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
     return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
 
 
 @kernel
 def flight_covariance(diffusion, duration):
-    """Covariance of angle and velocity after a flight from a point, dv = (x - s + f) dt + sqrt(2 D) dW.
+    """Covariance (xx, xv, vv) of angle and velocity after a flight of the time t from a point, by the diffusion D.
 
-    Parameters
-    ----------
-    diffusion : float
-        D, nondimensional.
-    duration : float
-        Flight time t, nondimensional.
-
-    Returns
-    -------
-    xx, xv, vv : float
-        D (sinh(2t)/2 - t), D sinh(t)^2, D (t + sinh(2t)/2). Short flights use the series of xx, which would cancel.
+    D (sinh(2t)/2 - t), D sinh(t)^2, D (t + sinh(2t)/2). Short flights use the series of xx, which would cancel.
     """
     t = duration
     sinh = math.sinh(t)
@@ -332,11 +253,7 @@ def flight_covariance(diffusion, duration):
 
 @kernel
 def covariance_factor(diffusion, duration):
-    """Return (xx, vx, vv), the lower Cholesky factor [[xx, 0], [vx, vv]] of `flight_covariance`, to rounding.
-
-    That is the covariance of angle and velocity after a flight under white noise. `diffusion` is D and `duration`, at
-    most 0.1, the flight time; both nondimensional.
-    """
+    """Lower Cholesky factor [[xx, 0], [vx, vv]] of `flight_covariance` for a time up to 0.1, to rounding."""
     root, square = math.sqrt(diffusion * duration), duration * duration
     xx = 1.0 + square * (1.0 / 10.0 + square * (19.0 / 4200.0 + square * (29.0 / 378000.0)))
     vx = 1.0 + square * (7.0 / 30.0 + square * (209.0 / 12600.0 + square * (29.0 / 75600.0)))
@@ -346,35 +263,3 @@ def covariance_factor(diffusion, duration):
         math.sqrt(1.5) * root * vx,
         math.sqrt(0.5) * root * vv,
     )
-
-
-def accumulated_covariance(weights: Array, left: Array) -> tuple[Array, Array, Array]:
-    """Covariance (xx, xv, vv) of angle and velocity, (...) each, that noise gathers in a slender flight.
-
-    `weights` (..., n) are its strengths 2 D dt, at times `left` (n,) before the flight's end; all are nondimensional.
-    """
-    sinh, cosh = np.sinh(left), np.cosh(left)
-    return weights @ sinh**2, weights @ (sinh * cosh), weights @ cosh**2
-
-
-def flight_shears(duration: float) -> tuple[float, float]:
-    """Return (tanh(t/2), sinh t), the shears of which a slender flight of the duration t is made, in the order 1, 2, 1.
-
-    The first adds tanh(t/2) v to x - s, the second sinh t (x - s) to v. `duration` is t, nondimensional.
-    """
-    return math.tanh(0.5 * duration), math.sinh(duration)
-
-
-def shear_diffusion_variances(diffusion: float, duration: float) -> tuple[float, float]:
-    """Return (velocity's, angle's): the variances by which noise spreads each between the shears of a flight.
-
-    The velocity is spread once, the angle twice (docs/theory). `diffusion` is D and `duration` the flight time,
-    nondimensional.
-    """
-    shear, sinh = flight_shears(duration)
-    if duration < 0.1:
-        square = duration * duration
-        deficit = square / 6.0 * (1.0 - square * (7.0 / 60.0) * (1.0 - square * (31.0 / 294.0)))
-    else:
-        deficit = 1.0 - duration / sinh
-    return diffusion * (sinh + duration * math.cosh(duration)), diffusion * shear * deficit

@@ -18,39 +18,29 @@ from fpk_rocking.physics.motion.flight import flight_covariance, homogeneous_fli
 
 @kernel(inline="always")
 def velocity_after_impact(velocity, restitution):
-    """Return the velocity just after an impact, e times that before it, a float: the block passes through zero angle.
-
-    `velocity` is that just before it, with its sign, nondimensional, and `restitution` is e, 0 to 1.
-    """
+    """The block passes through zero angle with e times its velocity."""
     return restitution * velocity
 
 
 @kernel(inline="always")
 def velocity_jump(velocity, restitution):
-    """Return the change of the velocity at an impact, after less before, a float: (e - 1) `velocity`.
-
-    `velocity` is that before it, with its sign, nondimensional, and `restitution` is e.
-    """
+    """Velocity after an impact less that before."""
     return (restitution - 1.0) * velocity
 
 
 @kernel(inline="always")
 def impact_jump(pull, far_pull, speed, restitution):
-    """Return the entry of the saltation matrix [[e, 0], [jump, e]] by which a displaced angle changes the velocity.
+    """Entry of the saltation matrix [[e, 0], [jump, e]] by which a displaced angle changes the velocity.
 
-    A displaced path meets x = 0 earlier or later, and has the other side's acceleration meanwhile. `pull` is the
-    acceleration before and `far_pull` that after the impact, `speed` the velocity before it, all with their signs,
-    nondimensional; `restitution` is e. The matrix acts on (angle, velocity).
+    A displaced path meets x = 0 earlier or later, and has the other side's acceleration meanwhile: `pull` before and
+    `far_pull` after the impact.
     """
     return (far_pull - restitution * pull) / speed
 
 
 @kernel
 def side_of_start(x, v):
-    """Return the side at a start (x, v): 1 or -1, the sign of x, or of v if x is 0; 0, at rest, if both are 0.
-
-    Rest may end at once. `x` and `v` are angle and velocity, nondimensional.
-    """
+    """Side of (x, v): the sign of x, or of v if x is 0; 0, at rest, if both are 0."""
     if x == 0.0:
         return 0 if v == 0.0 else (1 if v > 0.0 else -1)
     return 1 if x > 0.0 else -1
@@ -58,25 +48,10 @@ def side_of_start(x, v):
 
 @kernel
 def chatter_time(speed, side, force, block):
-    """Time in which ever smaller bounces bring a block to rest, under a force held constant (a geometric sum).
+    """Time in which ever smaller bounces bring a block to rest under a constant force; inf where none comes.
 
-    A bounce that starts at speed w lasts 2 w over the folded acceleration -u'' (u = s x) at zero angle, which is 1 - s
-    f for a slender block; the next one starts at e w on the other side.
-
-    Parameters
-    ----------
-    speed : float
-        Speed just after an impact, nondimensional.
-    side : int
-        The side s, +1 or -1, that the impact leads to.
-    force : float
-        The forcing f, nondimensional.
-    block : KernelBlock
-
-    Returns
-    -------
-    float
-        The nondimensional time to rest; inf where the force or e = 1 allows no rest.
+    It is a geometric sum: a bounce that starts at speed w lasts 2 w over -u'' at zero angle, and the next one starts at
+    e w on the other side. `side` is that to which the last impact leads, `speed` that just after it.
     """
     near, far = -acceleration(0.0, side, force, block), -acceleration(0.0, -side, force, block)
     leaving, returning = restitution_from(side, block), restitution_from(-side, block)
@@ -86,20 +61,10 @@ def chatter_time(speed, side, force, block):
 
 
 class LinearizedImpact(NamedTuple):
-    """An impact of an undisturbed path, and its motion next to it, by which displacements are carried through.
+    """An impact of an undisturbed path and its motion next to it, as of x: by it displacements are carried through.
 
-    All are those of x = angle, with their signs, nondimensional.
-
-    Parameters
-    ----------
-    speed, leaving : float
-        Velocity just before and just after it.
-    pull, far_pull : float
-        Acceleration just before and just after it.
-    stiff, far_stiff : float
-        Derivative of the acceleration by the angle, before and after.
-    jerk : float
-        Rate at which the forcing changes the acceleration.
+    `speed`, `leaving`: velocity just before and after; `pull`, `far_pull`: acceleration; `stiff`, `far_stiff`: its
+    derivative by the angle; `jerk`: rate at which the forcing changes it.
     """
 
     speed: float
@@ -113,11 +78,7 @@ class LinearizedImpact(NamedTuple):
 
 @kernel
 def linearize_impact(speed, side, force, slope, block):
-    """Return the named tuple `LinearizedImpact`: velocities, accelerations and their gradients on either side of one.
-
-    `speed` is the velocity before the impact, with its sign, `side` (+1 or -1) the side that it leaves, `force` and
-    `slope` are f and df/dτ then, all nondimensional; `block` is a `KernelBlock`.
-    """
+    """`LinearizedImpact` at the velocity `speed` that leaves `side`, under f and its slope."""
     return LinearizedImpact(
         speed, velocity_after_impact(speed, restitution_from(side, block)),
         side * acceleration(0.0, side, force, block), -side * acceleration(0.0, -side, force, block),
@@ -128,24 +89,11 @@ def linearize_impact(speed, side, force, slope, block):
 
 @kernel
 def covariance_through_impact(diffusions, before, after, impact, restitution):
-    """Covariance of angle and velocity that white noise gathers in a flight with one impact, by the saltation matrix.
+    """(final, early, map) of a flight with one impact under white noise, by the saltation matrix.
 
-    Parameters
-    ----------
-    diffusions : tuple (float, float)
-        D, as it moves the block before the impact and after it; nondimensional, as all here.
-    before, after : float
-        Duration of the flight before the impact and of that after it.
-    impact : LinearizedImpact
-    restitution : float
-        Velocity ratio e.
-
-    Returns
-    -------
-    final, early : tuple (xx, xv, vv)
-        Covariance at the end, and the part gathered before the impact, taken at it.
-    map : tuple (b11, b12, b21, b22)
-        Rows of the matrix that carries a displacement (angle, velocity) from just before the impact to the end.
+    `diffusions` are D before and after the impact, `before` and `after` the durations. `final` (xx, xv, vv) is the
+    covariance at the end, `early` the part gathered before the impact, at it; `map` (b11, b12, b21, b22) carries a
+    displacement from just before the impact to the end.
     """
     jump = impact_jump(impact.pull, impact.far_pull, impact.speed, restitution)
     c, s = math.cosh(after), math.sinh(after)
@@ -160,26 +108,11 @@ def covariance_through_impact(diffusions, before, after, impact, restitution):
 
 @kernel
 def displacement_through_impact(x, v, time, rest, impact, restitution):
-    """Carry a displacement at the time of a fast impact through it and on to the step's end, without further noise.
+    """(x, v, inside): a displacement at the time of a fast impact carried through it and to the end of the step.
 
-    The flight before the impact, and that after it, are Taylor polynomials about the undisturbed impact: the error is
-    of third order in the displacement (derived in docs/theory, "Noise in a flight and through an impact").
-
-    Parameters
-    ----------
-    x, v : float
-        Displacement in angle and velocity from the path without noise, just before its impact; nondimensional.
-    time, rest : float
-        The step's duration before and after that impact.
-    impact : LinearizedImpact
-        The undisturbed one.
-    restitution : float
-        Velocity ratio e.
-
-    Returns
-    -------
-    x, v, inside : float, float, bool
-        Displacement at the end of the step, and whether the impact came within the step.
+    The step lasts `time` before and `rest` after the undisturbed impact; `inside`: whether the impact comes within it.
+    The flights before and after are Taylor polynomials about the undisturbed impact: the error is of third order in the
+    displacement (derived in docs/theory, "Noise in a flight and through an impact").
     """
     leaving, onset = impact.leaving, impact.speed + v
     pull, jerk = impact.pull + impact.stiff * x, impact.stiff * onset + impact.jerk

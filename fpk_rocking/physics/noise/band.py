@@ -27,7 +27,6 @@ from fpk_rocking.base.arrays import load
 from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.physics.motion.flight import dynamic_stiffness
 
 ANCHOR_CYCLES = 16
 """Cycles between fresh anchors; the rotations between them, some 200, cost about 1e-14 of the noise's amplitude."""
@@ -49,10 +48,10 @@ _COSINE = tuple((-1) ** k * math.pi ** (2 * k) / math.factorial(2 * k) for k in 
 class Realization(NamedTuple):
     """One realization, and the rotations that sample it on a grid; M is the number of harmonics, padded with zeros.
 
-    `ratios`, `phases`, `weights` (M,): turns per cycle, phase in turns, amplitude. `cosines`, `sines` (M,): the
-    weighted harmonics at the centre of the present chunk. `hop` (2, M): cosine and sine of the rotation to the next
-    centre in a cycle, `wrap` (2, M): to the first centre of the next cycle. `even`, `odd` (m, M): cosines and sines of
-    the rotations from a centre to the samples beside it, m padded to a multiple of 4.
+    `ratios`, `phases`, `weights` (M,): turns per cycle, phase in turns, amplitude. `cosines`, `sines` (M,): weighted
+    harmonics at the centre of the present chunk. `hop`, `wrap` (2, M): cosine and sine of the rotation to the next
+    centre in a cycle, and to the first one of the next cycle. `even`, `odd` (m, M): cosines and sines of the rotations
+    from a centre to the samples beside it, m padded to a multiple of 4.
     """
 
     ratios: np.ndarray
@@ -68,11 +67,7 @@ class Realization(NamedTuple):
 
 @kernel
 def allocate_realization(count, half):
-    """Return a `Realization`, a named tuple of arrays, here zeros, for `count` harmonics in chunks of samples.
-
-    A chunk has 2 `half` + 1 of them. With M, `count` padded to a multiple of 8, and m, `half` padded to one of 4:
-    ratios, phases, weights, cosines, sines (M,), hop, wrap (2, M), even, odd (m, M).
-    """
+    """A `Realization` of zeros for `count` harmonics in chunks of 2 `half` + 1 samples."""
     padded = (count + _LANES - 1) // _LANES * _LANES
     rows = (half + 3) // 4 * 4
     return Realization(
@@ -90,10 +85,9 @@ def allocate_realization(count, half):
 
 @kernel
 def phase_in_turns(ratio, phase, cycle, fraction):
-    """Return the phase of a harmonic, in turns, at a time of `cycle` (a whole number) cycles and `fraction` of one.
+    """Phase of a harmonic, in turns, after `cycle` (a whole number) cycles and a `fraction` of one, less whole turns.
 
-    Whole turns of the full cycles are left out. `ratio` is the harmonic's frequency in turns per cycle and `phase` its
-    phase at the time 0, in turns. It is exact to rounding for ratio * cycle < 5e8.
+    It is exact to rounding for ratio * cycle < 5e8.
     """
     coarse = math.floor(ratio * 2.0**24) / 2.0**24
     turns = coarse * cycle
@@ -102,10 +96,7 @@ def phase_in_turns(ratio, phase, cycle, fraction):
 
 @kernel(inline="always")
 def cos_sin_of_turns(angle):
-    """Return (cos, sin) of 2π `angle`, an angle in turns, to 1e-15.
-
-    It is free of branches and calls, so that loops become vectors.
-    """
+    """(cos, sin) of an angle in turns, to 1e-15; free of branches and calls, so that loops become vectors."""
     r = angle - math.floor(angle + 0.5)
     q = r * r
     # Taylor series at half the angle, at most a quarter turn.
@@ -120,11 +111,7 @@ def cos_sin_of_turns(angle):
 
 @kernel(fastmath={"contract"})
 def write_sample_rotations(harmonics, half, spacing):
-    """Write `even`, `odd` (m, M) of a `Realization`: cosines and sines of rotations to samples beside a centre.
-
-    `half` is the number of samples on a side. `harmonics` is the realization, with `ratios` (M,); `spacing` is that of
-    the samples, in cycles.
-    """
+    """Write `even`, `odd` (m, M) for `half` samples on a side of a centre, `spacing` cycles apart."""
     ratios, even, odd = harmonics.ratios, harmonics.even, harmonics.odd
     write_rotation(ratios, spacing, even[0], odd[0])
     for j in range(1, half):
@@ -135,10 +122,7 @@ def write_sample_rotations(harmonics, half, spacing):
 
 @kernel(fastmath={"contract"})
 def write_rotation(ratios, cycles, cosines, sines):
-    """Write the cosines and sines of harmonics' phase changes over a time to `cosines` and `sines` (M,).
-
-    `ratios` (M,) are turns per cycle, and the time is given in `cycles`.
-    """
+    """Write cosines and sines (M,) of the harmonics' phase changes over a time in cycles."""
     for n in range(ratios.size):
         c, s = cos_sin_of_turns(ratios[n] * cycles)
         cosines[n] = c
@@ -147,10 +131,7 @@ def write_rotation(ratios, cycles, cosines, sines):
 
 @kernel(fastmath={"contract"})
 def set_centre(harmonics, cycle, fraction):
-    """Put the centre of a `Realization` at a time of `cycle` (a whole number) cycles and `fraction` of one, directly.
-
-    Its `cosines` and `sines` (M,), the weighted harmonics then, are written.
-    """
+    """Put the centre of a realization at a time directly, without a rotation."""
     for n in range(harmonics.ratios.size):
         c, s = cos_sin_of_turns(phase_in_turns(harmonics.ratios[n], harmonics.phases[n], cycle, fraction))
         harmonics.cosines[n] = harmonics.weights[n] * c
@@ -159,10 +140,7 @@ def set_centre(harmonics, cycle, fraction):
 
 @kernel(fastmath={"contract"})
 def rotate_centre(harmonics, rotation):
-    """Move the centre of a `Realization` on by `rotation` (2, M), its `hop` or `wrap`: cosines and sines.
-
-    Its `cosines` and `sines` (M,), the weighted harmonics at the centre, are written.
-    """
+    """Move the centre of a realization on by `rotation` (2, M), its `hop` or `wrap`."""
     for n in range(harmonics.ratios.size):
         c, s = harmonics.cosines[n], harmonics.sines[n]
         harmonics.cosines[n] = c * rotation[0, n] - s * rotation[1, n]
@@ -171,10 +149,9 @@ def rotate_centre(harmonics, rotation):
 
 @kernel(fastmath={"contract", "reassoc"})
 def add_samples(harmonics, half, out):
-    """Add the noise of a `Realization` at its centre and at `half` samples on each side to `out` (2 * half + 1,).
+    """Add the noise at the centre of a realization and at `half` samples on each side to `out` (2 * half + 1,).
 
-    The noise is a nondimensional acceleration; the centre is sample `half`. Four offsets at a time share the loads of
-    the centre's harmonics.
+    Four offsets at a time share the loads of the centre's harmonics.
     """
     cosines, sines, even, odd = harmonics.cosines, harmonics.sines, harmonics.even, harmonics.odd
     total = 0.0
@@ -202,31 +179,17 @@ def add_samples(harmonics, half, out):
 
 @kernel(inline="always")
 def _pair(out, half, offset, even, odd):
-    """Add even - odd and even + odd to `out` (2 * half + 1,), at places half + offset and half - offset.
-
-    `even` and `odd` are the sums over harmonics of cosines and sines, floats. Where `offset` is above `half` nothing is
-    done.
-    """
+    """Add even - odd and even + odd to `out` at the places half + offset and half - offset, if it has them."""
     if offset <= half:
         out[half + offset] += even - odd
         out[half - offset] += even + odd
 
 
 def interpolant_polynomials(spacing: float, parts: int = 1) -> Array:
-    """Polynomials that interpolate the noise between two samples, in equal parts of the time between them.
+    """Polynomials (parts, WIDTH, TERMS) that interpolate the noise between two samples, in equal parts of that time.
 
-    Parameters
-    ----------
-    spacing : float
-        Duration of a part, nondimensional: the distance d of the samples over the number of parts.
-    parts : int
-        Their number.
-
-    Returns
-    -------
-    ndarray, shape (parts, WIDTH, TERMS)
-        Row i belongs to sample i - WIDTH/2 + 1 (0: before the parts, 1: after them); coefficients in the time since the
-        middle of the part, lowest power first.
+    `spacing` is the duration of a part. Row i belongs to sample i - WIDTH/2 + 1 (0: before the parts, 1: after them);
+    coefficients in the time since the middle of the part, lowest power first.
     """
     powers = (2.0 / np.longdouble(spacing)) ** np.arange(TERMS, dtype=np.longdouble)
     return np.array([(_window_pieces(part, parts) * powers).astype(float) for part in range(parts)])
@@ -234,10 +197,7 @@ def interpolant_polynomials(spacing: float, parts: int = 1) -> Array:
 
 @functools.cache
 def _window_pieces(part, parts):
-    """Return polynomials (WIDTH, TERMS), lowest power first, of number `part` of `parts`: `interpolant_polynomials`.
-
-    They are for parts of duration 2, in long double, and not to be written to.
-    """
+    """Polynomials (WIDTH, TERMS), in long double, of `interpolant_polynomials` for parts of duration 2."""
     # In long double where there is one: rounding of the window is what limits the derivative otherwise.
     order = np.arange(TERMS, dtype=np.longdouble)
     angles = np.longdouble("3.14159265358979323846264") * (order + 0.5) / TERMS
@@ -250,10 +210,7 @@ def _window_pieces(part, parts):
 
 
 def _bessel(square):
-    """Return I0(_SHAPE sqrt(square)) at `square` (...), an array (...) in long double.
-
-    It is summed as a power series, all terms of which are positive.
-    """
+    """I0(_SHAPE sqrt(square)), in long double, as a power series, all terms of which are positive."""
     square = np.asarray(square, np.longdouble) * np.longdouble(0.5 * _SHAPE) ** 2
     term = total = np.ones_like(square)
     for k in range(1, 120):
@@ -264,9 +221,9 @@ def _bessel(square):
 
 @functools.cache
 def window_compensation() -> Array:
-    """Return coefficients (_ORDER,), lowest power first, of 1/(transform of the interpolation's window).
+    """Coefficients (_ORDER,) of 1/(transform of the interpolation's window), not to be written to.
 
-    It is a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1; b is a frequency and d the spacing. Not to be written to.
+    It is a polynomial in 2 (b d OVERSAMPLING/pi)^2 - 1; b is a frequency and d the spacing.
     """
     nodes = np.cos(np.pi * (np.arange(_ORDER) + 0.5) / _ORDER)
     argument = np.sqrt(_SHAPE**2 - 0.5 * (1.0 + nodes) * (0.5 * WIDTH * math.pi / OVERSAMPLING) ** 2)
@@ -276,10 +233,7 @@ def window_compensation() -> Array:
 
 @kernel(inline="always")
 def evaluate_compensation(coefficients, ratio):
-    """Return 1/(transform of the window), a float, by `coefficients` (_ORDER,), those of `window_compensation`.
-
-    `ratio` is frequency * spacing * OVERSAMPLING / pi, from 0 to 1.
-    """
+    """The polynomial of `window_compensation` at `ratio` = frequency * spacing * OVERSAMPLING / pi, from 0 to 1."""
     square = 2.0 * ratio * ratio - 1.0
     value = coefficients[_ORDER - 1]
     for k in range(_ORDER - 2, -1, -1):
@@ -291,22 +245,18 @@ def evaluate_compensation(coefficients, ratio):
 def divide_by_stiffness(ratios, weights, frequency, compensation, ratio_scale):
     """Turn the amplitudes `weights` (n,) of the noise's harmonics, in place, into those of the interpolant of P.
 
-    P is the bounded solution of P'' = P + noise. `ratios` (n,): frequencies in turns per table period; `frequency`:
-    angular, of one turn, nondimensional. `compensation` (_ORDER,): coefficients of `window_compensation`, by which the
-    interpolant's window is made good; `ratio_scale`: what turns a ratio into the argument of `evaluate_compensation`.
+    `ratios` (n,): frequencies in turns per table period; `frequency`: angular, of one turn; `ratio_scale`: from a ratio
+    to the argument of `evaluate_compensation`.
     """
     for n in range(ratios.size):
         gain = -evaluate_compensation(compensation, ratios[n] * ratio_scale)
-        weights[n] *= gain / dynamic_stiffness(frequency * ratios[n])
+        omega = frequency * ratios[n]
+        weights[n] *= gain / (1.0 + omega * omega)
 
 
 @kernel(fastmath={"contract", "reassoc"})
 def noise_slope(samples, k, slopes):
-    """Return the time derivative, a float, of the noise's share of P at the end of interval k of a chunk.
-
-    P is the bounded solution of P'' = P + f. `samples` (WIDTH - 1 + CHUNK,) are of the interpolant of that share, not
-    of the noise (`divide_by_stiffness`); `slopes` (WIDTH,): derivatives of the interpolant's polynomials there.
-    """
+    """Derivative of the noise's share of P at the end of interval k of a chunk, by the interpolant's `slopes`."""
     total = 0.0
     for i in range(WIDTH):
         total += slopes[i] * samples[k + i]
@@ -315,10 +265,10 @@ def noise_slope(samples, k, slopes):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def noise_at_points(values, part, g, k):
-    """Return the noise at the NODES Gauss points of an interval, a SIMD vector of floats, without its envelope.
+    """Noise, without its envelope, at the Gauss points of an interval, a SIMD vector.
 
-    `values` (parts WIDTH, NODES): the interpolant's polynomials at the points, row WIDTH part + i for sample i; `part`:
-    number of the interval between two samples; `g`: samples of a chunk, those of this interval from number `k` on.
+    `values` (parts WIDTH, NODES): the interpolant's polynomials at the points, row WIDTH part + i for sample i; `g`:
+    samples of a chunk, those of this interval from number `k` on.
     """
     row = WIDTH * part
     first = load(values, row) * g[k] + load(values, row + 1) * g[k + 1]
@@ -332,11 +282,7 @@ def noise_at_points(values, part, g, k):
 
 @kernel(forceinline=True)
 def write_product(strength, noise, base, out):
-    """Write to `out` (TERMS,) the polynomial `base` (TERMS,) plus the product of `strength` and `noise`.
-
-    `strength` (order,): the envelope; `noise` (TERMS,): the noise without it; all are coefficients, lowest power first,
-    in the time since an interval's middle.
-    """
+    """Write to `out` (TERMS,) the polynomial `base` plus the product of the envelope's `strength` and the `noise`."""
     for n in range(TERMS):
         force = base[n]
         for i in range(min(n + 1, strength.size)):

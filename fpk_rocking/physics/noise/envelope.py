@@ -18,15 +18,11 @@ class Envelope(abc.ABC):
 
     @abc.abstractmethod
     def value(self, times: Array) -> Array:
-        """Return g (n,) at nondimensional times (n,)."""
+        """G (n,) at times (n,)."""
 
     @abc.abstractmethod
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
-
-    def shifted(self, time: float) -> "Envelope":
-        """Return the `Envelope` g(time + τ): its times count from the nondimensional `time` on."""
-        return _Shifted(self, time)
+        """Integral of g² from 0 to each of n times."""
 
 
 class Enveloped(Protocol):
@@ -34,52 +30,29 @@ class Enveloped(Protocol):
 
     @property
     def envelope(self) -> Envelope | None:
-        """Function of time, an `Envelope`, by which the noise is multiplied; None where it is stationary."""
-
-
-@dataclasses.dataclass(frozen=True)
-class _Shifted(Envelope):
-    """The envelope g(origin + τ), whose times count from an origin; the integral of g² lacks a constant.
-
-    `squared_integral` begins at the time 0 of g rather than at the origin.
-    """
-
-    envelope: Envelope
-    origin: float
-
-    def value(self, times: Array) -> Array:
-        """Return g (n,) at nondimensional times (n,) since the origin."""
-        return self.envelope.value(times + self.origin)
-
-    def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² (n,), from the envelope's time 0 to nondimensional times (n,) since the origin."""
-        return self.envelope.squared_integral(times + self.origin)
+        """Function of time by which the noise is multiplied; None where it is stationary."""
 
 
 class _Linear(Envelope):
-    """An envelope that is linear between `corners`, times and values of shape (n,), and constant beyond them."""
+    """An envelope that is linear between corners, and constant beyond them."""
 
     spacing = math.inf
 
     @property
     @abc.abstractmethod
     def corners(self) -> tuple[Array, Array]:
-        """Nondimensional times and values, (n,) each, between which it is linear."""
+        """Times and values, (n,) each."""
 
     def value(self, times: Array) -> Array:
-        """Return g (n,) at nondimensional times (n,)."""
         return np.interp(times, *self.corners)
 
     @property
     def kinks(self):
-        """Nondimensional times (n,) at which the slope changes."""
+        """Times (n,) at which the slope changes."""
         return self.corners[0]
 
     def series(self, times: Array, terms: int) -> Array:
-        """Return Taylor coefficients (n, terms) of g about nondimensional times (n,), none of which is a kink.
-
-        The lowest power comes first; `terms` is their number, at least 2.
-        """
+        """Taylor coefficients (n, terms), at least 2 terms, of g about times (n,), none of which is a kink."""
         places, values = self.corners
         slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
         out = np.zeros((len(times), terms))
@@ -87,7 +60,6 @@ class _Linear(Envelope):
         return out
 
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
         places, values = self.corners
         inside = np.diff(places) * (values[1:] ** 2 + values[1:] * values[:-1] + values[:-1] ** 2) / 3.0
         before = np.concatenate([[values[0] ** 2 * places[0]], inside]).cumsum()
@@ -127,14 +99,12 @@ class Trapezoid(_Linear):
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
-        """Nondimensional times and values, (4,) each, between which it is linear."""
         # A jump takes no time, but no two corners may be at one.
         least = 1e-9 * (self.rise + self.hold + self.decay)
         times = np.cumsum([0.0, max(self.rise, least), max(self.hold, least), max(self.decay, least)])
         return times, np.array([0.0, 1.0, 1.0, 0.0])
 
     def faster(self, factor: float) -> Self:
-        """Return the envelope with all times divided by a factor, above 0."""
         return type(self)(self.rise / factor, self.hold / factor, self.decay / factor)
 
     def __str__(self):
@@ -176,11 +146,9 @@ class Table(_Linear):
 
     @functools.cached_property
     def corners(self) -> tuple[Array, Array]:
-        """Nondimensional times and values, (n,) each, between which it is linear."""
         return np.array(self.times), np.array(self.values)
 
     def faster(self, factor: float) -> Self:
-        """Return the envelope with all times divided by a factor, above 0."""
         return type(self)(tuple(time / factor for time in self.times), self.values)
 
     def __str__(self):
@@ -213,19 +181,15 @@ class Exponential(Envelope):
 
     @property
     def spacing(self) -> float:
-        """Longest interval, a nondimensional time, in which it may be taken as linear, to 5e-5 of its peak."""
+        """Longest interval in which it may be taken as linear, to 5e-5 of its peak."""
         return 0.02 * self.peak
 
     def value(self, times: Array) -> Array:
-        """Return g (n,) at nondimensional times (n,)."""
         part = np.asarray(times) / self.peak
         return part * np.exp(1.0 - part)
 
     def series(self, times: Array, terms: int) -> Array:
-        """Return Taylor coefficients (n, terms) of g about nondimensional times (n,), lowest power first.
-
-        `terms` is their number.
-        """
+        """Taylor coefficients (n, terms) of g about times (n,)."""
         # g^(k) = (-1)^k (u - k) exp(1 - u) / t^k with u = τ/t.
         order = np.arange(terms)
         inverse = np.array([1.0 / math.factorial(k) for k in order]) * (-1.0 / self.peak) ** order
@@ -233,12 +197,10 @@ class Exponential(Envelope):
         return (part - order) * np.exp(1.0 - part) * inverse
 
     def squared_integral(self, times: Array) -> Array:
-        """Return the integral of g² from 0 to each of nondimensional times (n,): an array (n,)."""
         part = np.asarray(times) / self.peak
         return math.e**2 * self.peak * (0.25 - np.exp(-2.0 * part) * (0.5 * part * (part + 1.0) + 0.25))
 
     def faster(self, factor: float) -> Self:
-        """Return the envelope with all times divided by a factor, above 0."""
         return type(self)(self.peak / factor)
 
     def __str__(self):
@@ -250,7 +212,7 @@ ENVELOPES = {cls.kind: cls for cls in (Trapezoid, Exponential, Table)}
 
 
 def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
-    """Return the mean of g² (n,) in intervals with the `edges` (n + 1,), nondimensional; ones for no envelope, None.
+    """Mean of g² in each interval between n + 1 edges; 1 without an envelope.
 
     Means below 1e-4, where g is below .01, are 0: white noise then counts as none, so that a block can rest.
     """
@@ -261,21 +223,17 @@ def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
 
 
 def refuse_envelope(noise: Enveloped, what: str) -> None:
-    """Raise ValueError for a noise with an envelope, else return None.
-
-    `what`, a text, names the computation that is not defined for it, for the message.
-    """
+    """Raise ValueError for a noise with an envelope; `what` names what is not defined for it, for the message."""
     if noise.envelope is not None:
         accepted = f"no envelope, as {what} is only defined for stationary noise"
         raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
 
 
 class EnvelopePieces(NamedTuple):
-    """The envelope g of the noise as polynomials, in pieces that end at its kinks; m intervals, nondimensional times.
+    """The envelope g as polynomials, in pieces that end at its kinks, over m intervals.
 
     `first` (m + 1,): number of the first piece in each interval. `ends` (pieces,): their ends, times since the
-    interval's middle. `strength` (pieces, order): coefficients of g in the time since the interval's middle, lowest
-    power first.
+    interval's middle. `strength` (pieces, order): coefficients of g in the time since the interval's middle.
     """
 
     first: np.ndarray
@@ -284,11 +242,7 @@ class EnvelopePieces(NamedTuple):
 
 
 def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> EnvelopePieces:
-    """Return the polynomials of an `Envelope`, or of None (g = 1), over m intervals, the named tuple `EnvelopePieces`.
-
-    It has first (m + 1,), ends (pieces,) and strength (pieces, order). `middles` (m,) are those of the intervals and
-    `half` is half their duration, nondimensional. Of an envelope that is not linear in pieces, `order` terms are taken.
-    """
+    """Polynomials of g, 1 for None, about the `middles` of intervals; of `order` terms unless g is piecewise linear."""
     if envelope is None:
         count = len(middles)
         return EnvelopePieces(np.arange(count + 1), np.full(count, half), np.ones((count, 1)))
@@ -311,7 +265,7 @@ def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> E
 
 
 def largest_envelope(envelope: Any, grid: Any) -> Array:
-    """Return the largest value of an `Envelope` in each interval of a `TimeGrid`: (m,); ones for None."""
+    """Largest g (m,) in each interval of a `TimeGrid`; ones for None."""
     if envelope is None:
         return np.ones(grid.count)
     edges = grid.spacing * np.arange(grid.count + 1)

@@ -1,7 +1,7 @@
 """White noise that stands for band noise or filtered noise: equal variance of the Melnikov process.
 
 Noise seen along the heteroclinic orbit of the undamped, unforced block, M(τ₀) = ∫ K(τ) η(τ + τ₀) dτ with the kernel K
-of `physics.motion.block`, has the variance σ_M² = ∫ G(ω) K̂(ω)² dω, with G the one-sided spectral density of η. A
+of `physics.motion.separatrix`, has the variance σ_M² = ∫ G(ω) K̂(ω)² dω, with G the one-sided spectral density of η. A
 slender block has K = e^(-|τ|) and K̂ = 2/(1+ω²) (H. Lin and S. C. S. Yim, J. Eng. Mech. 122(8), 719-727, 1996, eq. 15).
 
 What the replacement changes has to be measured. What may explain it is `relative_variance`, the part of the orbit's
@@ -16,7 +16,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import gauss_legendre
 from fpk_rocking.base.checks import Array, ArrayLike, Number
-from fpk_rocking.physics.motion.block import checked_angle, kernel_halves, melnikov_kernel, white_gain
+from fpk_rocking.physics.motion.separatrix import checked_angle, kernel_halves, melnikov_kernel, white_gain
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 
 
@@ -224,10 +224,9 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
 
 
 def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
-    """Return (weights, frequencies), (32,) each, of a quadrature for means over the band of `noise`, nondimensional.
+    """Weights and frequencies, (32,) each, of means over the band of `noise`.
 
-    A mean is weights @ values at the frequencies. It is Gauss-Legendre in θ = atan ω, where the responses of a slender
-    block are trigonometric polynomials (a constant is not).
+    Gauss-Legendre in θ = atan ω, where the responses of a slender block are trigonometric polynomials.
     """
     low, high = noise.band
     half = 0.5 * math.atan2(high - low, 1.0 + low * high)
@@ -237,13 +236,13 @@ def _quadrature(noise: BandNoise) -> tuple[Array, Array]:
 
 
 def _check(noise: Noise) -> None:
-    """Raise TypeError for a value that is no noise, of a class in `NOISES`; else return None."""
+    """Raise TypeError for a value that is no noise."""
     if getattr(noise, "kind", None) not in NOISES:
         raise TypeError(checks.refusal("noise", noise, "BandNoise, WhiteNoise, FilteredNoise or NoNoise"))
 
 
 def _band(noise: Noise) -> BandNoise:
-    """Return `noise` itself if it is band noise of a variance above 0; else raise TypeError or ValueError."""
+    """`noise` itself if it is band noise of a variance above 0; else ValueError."""
     if noise.kind != "band" or noise.variance == 0.0:
         raise ValueError(f"noise: got {noise!r}, accepted: band noise of a variance > 0")
     return noise

@@ -18,7 +18,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.motion.block import melnikov_kernel
+from fpk_rocking.physics.motion.separatrix import melnikov_kernel
 from fpk_rocking.physics.noise.state_space import StateSpace
 
 __all__ = ["BUTTERWORTH", "FILTERS", "CloughPenzien", "Filter", "LinearFilter", "low_pass_frequency"]
@@ -50,7 +50,7 @@ class Filter(abc.ABC):
     @property
     @abc.abstractmethod
     def space(self) -> StateSpace:
-        """State space of the filter, a `StateSpace`, for noise of variance 1."""
+        """State space of the filter, for noise of variance 1."""
 
     def faster(self, factor: float) -> "Filter":
         """Return the filter with all its rates multiplied by a factor.
@@ -119,12 +119,10 @@ class LinearFilter(Filter):
 
     @property
     def _matrices(self):
-        """Arrays (drift, input, output) of shapes (n, n), (n,) and (n,) for n states."""
         return np.array(self.drift), np.array(self.input), np.array(self.output)
 
     @property
     def space(self) -> StateSpace:
-        """State space of the filter, a `StateSpace`, for noise of variance 1."""
         return StateSpace.stationary(*self._matrices)
 
     def __str__(self):
@@ -174,7 +172,6 @@ class CloughPenzien(Filter):
 
     @property
     def space(self) -> StateSpace:
-        """State space of the filter, a `StateSpace` of 4 states, for noise of variance 1."""
         high, low = self.frequency, self.low_frequency
         loss_high, loss_low = 2.0 * self.damping, 2.0 * self.low_damping
         # The states are g and g'/ω_g of the soil, with u = g + 2 ζ_g g'/ω_g, and ω_f² y and ω_f y'.
@@ -183,7 +180,6 @@ class CloughPenzien(Filter):
         return StateSpace.stationary(np.array(drift), np.array([0.0, 1.0, 0.0, 0.0]), acceleration)
 
     def faster(self, factor: float) -> "CloughPenzien":
-        """Return the filter with all its rates multiplied by a factor, above 0."""
         return dataclasses.replace(self, frequency=factor * self.frequency, low_frequency=factor * self.low_frequency)
 
     def __str__(self):
@@ -202,27 +198,18 @@ class _NamedFilter(NamedTuple):
 
 
 def _exponential(omega, _):
-    """Return the `StateSpace` of noise of variance 1 with η' + `omega` η = white noise; its only state is η.
-
-    The second argument, a damping, is not used.
-    """
+    """η' + ω η = w; the only state is η."""
     return StateSpace(np.array([[-omega]]), np.array([math.sqrt(2.0 * omega)]), np.ones(1), np.eye(1))
 
 
 def _low_pass(omega, zeta):
-    """Return the `StateSpace` of η'' + 2ζω η' + ω² η = white noise, with states η and η'/ω, each of variance 1.
-
-    `omega` is ω, nondimensional, and `zeta` is ζ.
-    """
+    """η'' + 2ζω η' + ω² η = w; the states are η and η'/ω, each of variance 1."""
     drift = omega * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
     return StateSpace(drift, np.array([0.0, 2.0 * math.sqrt(zeta * omega)]), np.array([1.0, 0.0]), np.eye(2))
 
 
 def _kanai_tajimi(omega, zeta):
-    """Return the `StateSpace` of η = ω² y + 2ζω y', of variance 1, with y'' + 2ζω y' + ω² y = white noise.
-
-    Its states are y and y'/ω, scaled to variance 1; `omega` is ω, nondimensional, and `zeta` is ζ.
-    """
+    """η = ω² y + 2ζω y', y'' + 2ζω y' + ω² y = w; the states are y and y'/ω, scaled to variance 1."""
     output = np.array([1.0, 2.0 * zeta]) / math.hypot(1.0, 2.0 * zeta)
     return _low_pass(omega, zeta)._replace(output=output)
 
@@ -236,30 +223,16 @@ FILTERS = {
 
 
 def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angle: float = 0.0) -> float | None:
-    """Angular frequency ω of the low-pass filter with a given σ_M² of noise of variance 1.
+    """Angular frequency ω of the low-pass filter whose noise has a given `ratio` σ_M²/σ²; None where none is found.
 
-    σ_M², the Melnikov variance, falls from 4 (sin α/α)² to 0 as ω grows, so there is one ω.
-
-    Parameters
-    ----------
-    ratio : float
-        σ_M²/σ².
-    damping : float
-        Damping ratio ζ.
-    critical_angle : float
-        α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    float or None
-        ω, nondimensional; None where no ω from 1e-8 to 1e8 has that ratio.
+    σ_M², the Melnikov variance, falls from 4 (sin α/α)² to 0 as ω grows, so there is one ω; those from 1e-8 to 1e8 are
+    searched. α is the critical angle.
     """
     from scipy.optimize import brentq
 
     terms = melnikov_kernel(critical_angle)
 
     def excess(power):
-        """Return the Melnikov variance, a float, of the filter of frequency exp(power), less the ratio."""
         return _low_pass(math.exp(power), damping).variance_along(*terms) - ratio
 
     low, high = math.log(1e-8), math.log(1e8)

@@ -16,13 +16,12 @@ from fpk_rocking.physics.noise.state_space import StateSpace
 
 
 def _check_envelope(envelope):
-    """Raise TypeError for a value that is neither an envelope, a class of `ENVELOPES`, nor None; else return None."""
     if envelope is not None:
         checks.instance("noise.envelope", envelope, *ENVELOPES.values())
 
 
 def _scaled(noise, rate, **changed):
-    """Return `noise` with the fields in `changed` replaced, and the times of its envelope divided by `rate`."""
+    """`noise` with fields replaced, and the times of its envelope divided by `rate`."""
     if noise.envelope is not None:
         changed["envelope"] = noise.envelope.faster(rate)
     return dataclasses.replace(noise, **changed)
@@ -36,10 +35,9 @@ FREQUENCIES = "independent", "stratified"
 
 
 def enough_harmonics(band: tuple[float, float], duration: float) -> int:
-    """Return how many harmonics band noise over a duration needs: the width of its band in turns times the duration.
+    """How many harmonics band noise over a duration needs: the width of its band in turns times the duration.
 
-    `band` holds angular frequencies and `duration` is a time, both nondimensional. With fewer, the sum of stratified
-    harmonics has another correlation than the noise at lags within the duration.
+    With fewer, the sum of stratified harmonics has another correlation than the noise at lags within the duration.
     """
     return math.ceil((band[1] - band[0]) * duration / (2.0 * math.pi) - 1e-9)
 
@@ -98,7 +96,7 @@ class BandNoise:
         checks.keep(self, remark=checks.sentence("noise.remark", self.remark))
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations times `strength` and frequencies, its envelope's too, times `rate`."""
+        """The noise with accelerations times `strength` and frequencies, its envelope's too, times `rate`."""
         band = tuple(rate * frequency for frequency in self.band)
         return _scaled(self, rate, variance=self.variance * strength**2, band=band)
 
@@ -133,7 +131,6 @@ class WhiteNoise:
         _check_envelope(self.envelope)
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations times `strength` and frequencies, its envelope's too, times `rate`."""
         # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
         return _scaled(self, rate, diffusion=self.diffusion * strength**2 / rate)
 
@@ -202,13 +199,12 @@ class FilteredNoise:
 
     @property
     def space(self) -> StateSpace:
-        """State space of the filter, a `StateSpace`, for noise of variance 1."""
+        """State space of the filter, for noise of variance 1."""
         if isinstance(self.filter, Filter):
             return self.filter.space
         return FILTERS[self.filter].space(not_none(self.frequency), self.damping)
 
     def scaled(self, strength: float, rate: float) -> Self:
-        """Return the noise with accelerations times `strength` and frequencies, its envelope's too, times `rate`."""
         variance = self.variance * strength**2
         if isinstance(self.filter, Filter):
             return _scaled(self, rate, variance=variance, filter=self.filter.faster(rate))
@@ -233,7 +229,6 @@ class NoNoise:
     envelope: ClassVar[None] = None
 
     def scaled(self, strength: float, rate: float) -> Self:  # noqa: ARG002
-        """Return the same: nothing is scaled."""
         return self
 
 

@@ -153,7 +153,7 @@ class StateSpace(NamedTuple):
 
     @property
     def peak_density(self) -> float:
-        """Largest value of `spectral_density` over all ω, a float, nondimensional.
+        """Largest value of `spectral_density` over all ω.
 
         With r = ω² the density is a ratio of two polynomials, and its peaks are roots of another.
         """
@@ -168,7 +168,7 @@ class StateSpace(NamedTuple):
 
     @property
     def melnikov_variance(self) -> float:
-        """Variance of a slender block's Melnikov process, for η of variance 1: ∫ 4 G/(1 + ω²)² dω over all ω > 0."""
+        """Variance of a slender block's Melnikov process, ∫ 4 G/(1 + ω²)² dω, for η of variance 1."""
         return self.variance_along(np.ones(1), np.ones(1))
 
     def variance_along(self, weights: Array, rates: Array) -> float:
@@ -201,10 +201,7 @@ class StateSpace(NamedTuple):
 
     @property
     def inward_variance(self) -> float:
-        """Variance of the stationary q' = -q - η, by which a flight moves inward: ∫ R(t) exp(-t) dt over t > 0.
-
-        η has the variance 1 and the autocovariance R.
-        """
+        """Variance of the stationary q' = -q - η, by which a flight moves inward, for η of variance 1."""
         return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._covariance))
 
     @property
@@ -214,25 +211,11 @@ class StateSpace(NamedTuple):
 
 
 def transition_and_factor(drift: Array, source: Array, duration: float) -> tuple[Array, Array]:
-    """Transition matrix and noise factor of an exact step of a linear system dz = drift z dτ + source dW.
+    """Transition matrix Φ and noise factor L, (n, n) each, of an exact step of dz = drift z dτ + source dW.
 
-    Parameters
-    ----------
-    drift : ndarray, shape (n, n)
-        Rates, per time.
-    source : ndarray, shape (n,)
-        How the standard Wiener process W enters the states.
-    duration : float
-        Of the step, in the same unit of time.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Φ: the mean moves from z to Φ z.
-    ndarray, shape (n, n)
-        Lower triangular factor L of the covariance L Lᵀ = ∫ Φ(t) source sourceᵀ Φ(t)ᵀ dt that the noise adds: by
-        Gauss-Legendre quadrature over a part of the step in which nothing moves fast, then doubled. The covariance
-        itself is never formed: over a short step it would be singular to rounding.
+    L is lower triangular, and L Lᵀ = ∫ Φ(t) source sourceᵀ Φ(t)ᵀ dt is the covariance that the noise adds: by
+    Gauss-Legendre quadrature over a part of the step in which nothing moves fast, then doubled. The covariance itself
+    is never formed: over a short step it would be singular to rounding.
     """
     from scipy.linalg import expm
 
@@ -250,16 +233,13 @@ def transition_and_factor(drift: Array, source: Array, duration: float) -> tuple
 
 
 def _triangular(factor):
-    """Return the lower triangular L (n, n), its diagonal at least 0, with L Lᵀ = factor factorᵀ, of a factor (n, m)."""
+    """Lower triangular L (n, n), its diagonal at least 0, with L Lᵀ = factor factorᵀ, of a factor (n, m)."""
     lower = np.transpose(np.linalg.qr(factor.T, mode="r"))
     return lower * np.where(np.diag(lower) < 0.0, -1.0, 1.0)
 
 
 def _squared(polynomial):
-    """Return p(iω) p(-iω) of a real polynomial p of degree n, as a polynomial (n + 1,) of ω².
-
-    `polynomial` (n + 1,) are the coefficients of p; the highest power comes first in both.
-    """
+    """p(iω) p(-iω) of a real polynomial p (n + 1,) of ω as one of ω²; the highest power comes first in both."""
     signs = (-1.0) ** np.arange(len(polynomial))[::-1]
     squares = np.convolve(polynomial, polynomial * signs)[::2]
     return squares * (-1.0) ** np.arange(len(squares))[::-1]
