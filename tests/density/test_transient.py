@@ -139,6 +139,13 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
         strength = run.dynamics.averaged_over(origin + time, 0.1).diffusion
         assert late.averaged_over(time, 0.1).diffusion == pytest.approx(strength, rel=1e-12)
         assert late.covariance(time, 0.4) == pytest.approx(run.dynamics.covariance(origin + time, 0.4), rel=1e-12)
+        for part in ("segment", "affine"):
+            for now, then in zip(
+                getattr(late, part)(time, 0.4), getattr(run.dynamics, part)(origin + time, 0.4), strict=True
+            ):
+                assert now == pytest.approx(then, rel=1e-12, abs=1e-12)
+        assert late.since_lift_off(time) == pytest.approx(run.dynamics.since_lift_off(origin + time), abs=1e-10)
+        assert late.rest_gap(time) == pytest.approx(run.dynamics.rest_gap(origin + time), abs=1e-12)
 
 
 def test_the_estimate_is_four_times_as_large_where_blocks_rested_and_were_lifted_off():

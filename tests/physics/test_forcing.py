@@ -46,7 +46,7 @@ def test_it_is_a_forcing_with_every_part(forcing):
 
 @every
 def test_pieces_steps_and_values_are_of_one_force(forcing):
-    """P'' - P = f; a piece, a step, what is later, and the stages of a grid agree."""
+    """P'' - P = f; a piece, a step and the stages of a grid agree."""
     times = np.linspace(0.0, 1.2 * end_of(forcing), 40)[1:]
     late = 0.4 * forcing.spacing(min(forcing.longest_piece, 0.1))
     for time, row in zip(times, forcing.pieces(times), strict=True):
@@ -57,13 +57,6 @@ def test_pieces_steps_and_values_are_of_one_force(forcing):
         assert (row[0], row[1]) == pytest.approx(forcing.particular(time), abs=1e-12)
         step = np.polynomial.Polynomial(forcing.particular_over(time, late))
         assert (step(late), step.deriv()(late)) == pytest.approx(forcing.particular(time + late), abs=1e-12)
-        moved = forcing.shifted(0.3 * time)
-        assert moved.value(0.7 * time) == pytest.approx(forcing.value(time), abs=1e-12)
-        assert moved.slope(0.7 * time) == pytest.approx(forcing.slope(time), abs=1e-10)
-        assert moved.particular(0.7 * time) == pytest.approx(forcing.particular(time), abs=1e-12)
-        assert moved.particular_over(0.7 * time, late) == pytest.approx(forcing.particular_over(time, late), abs=1e-10)
-        assert moved.since_lift_off(0.7 * time) == pytest.approx(forcing.since_lift_off(time), abs=1e-10)
-        assert (moved.shortest_period, moved.steepest) == (forcing.shortest_period, forcing.steepest)
     spacing = forcing.spacing(0.07)
     assert 0.0 < spacing <= 0.07
     begins = spacing * np.arange(20)
