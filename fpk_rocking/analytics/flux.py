@@ -40,8 +40,10 @@ def phase_flux(
 ) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
 
-    y₁ is a standard normal number and y₂ the cosine of a uniform phase; σ_M² is the Melnikov variance of the noise
-    (`noise_variance`), D_m that of `harmonic_amplitude` and M that of `impact_loss`.
+    It is the phase-space area that crosses a separatrix per unit time. y₁ is a standard normal number and y₂ the cosine
+    of a uniform phase; σ_M² is that of `noise_variance`, D_m that of `harmonic_amplitude` and M that of `impact_loss`.
+    Without noise it is (1/π)[√(D_m² - M²) - M arccos(M/D_m)] where D_m > M, else 0. The error is 1e-13 of the larger of
+    Φ and D_m. Amplitudes, frequencies, restitutions and noises broadcast.
 
     Parameters
     ----------
@@ -51,20 +53,8 @@ def phase_flux(
     restitution : array_like
         e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
-        Amplitudes, frequencies, restitutions and noises broadcast.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        Phase-space area that crosses a separatrix per unit time, nondimensional. Its error is 1e-13 of the larger of Φ
-        and D_m. Without noise it is (1/π)[√(D_m² - M²) - M arccos(M/D_m)] where D_m > M, else 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -96,6 +86,8 @@ def phase_flux_as_printed(
     * 17: E[(σ σ_M y₁ + D_m y₂ - M)⁺],
     * 18: E over y₂ of ∫_L^∞ (σ σ_M y₁ - L) φ(y₁) dy₁ = σ σ_M φ(L) - (L/2)(1 - erf(L/√2)).
 
+    Without noise eq. 17 as printed is right, eq. 18 is not.
+
     Parameters
     ----------
     forcing, restitution
@@ -106,16 +98,6 @@ def phase_flux_as_printed(
         Equation of the paper.
     critical_angle : float
         α of the block, 0: a block with another is refused.
-
-    Returns
-    -------
-    ndarray or float
-        Nondimensional. Without noise eq. 17 as printed is right, eq. 18 is not.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -148,7 +130,7 @@ def phase_flux_sampled(
     seed: int = 1,
     critical_angle: float = 0.0,
 ) -> tuple[Number, Number]:
-    """Phase flux by Monte Carlo of the expectation, a check of `phase_flux`.
+    """Phase flux by Monte Carlo of the expectation, a check of `phase_flux`: (mean of the repeats, its standard error).
 
     Sampling is stratified (W. J. Cochran, Sampling Techniques, 1977): y₁ and y₂ are drawn once in each of strata² cells
     of equal probability. The estimate is unbiased, and its error falls nearly like 1/strata².
@@ -163,16 +145,6 @@ def phase_flux_sampled(
         Seed of numpy's default generator.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    flux, standard_error : ndarray or float
-        Nondimensional: the mean over the repeats and its standard error.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -200,20 +172,12 @@ def phase_flux_sampled(
 
 
 def _single(forcing, critical_angle=0.0):
-    """Return D_m, an array, of one harmonic, a `Harmonic` or a pair (amplitude, frequency); TypeError for several.
-
-    D_m is the amplitude of the periodic part of the Melnikov process, nondimensional. The pair may hold arrays, which
-    broadcast, to the shape of D_m. `critical_angle` is α, radians.
-    """
+    """Return D_m of one harmonic, or of arrays in a pair (amplitude, frequency); TypeError for several harmonics."""
     return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 
 
 def _excess_of_sum(along, loss, sigma):
-    """Return E[(σ y + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles; a float.
-
-    y is a standard normal number. `along` is d, a `PeriodicForcing`, `loss` is M and `sigma` σ, nondimensional. Without
-    noise it is in closed form, else by `mean_excess`.
-    """
+    """Return E[(σ y + d - M)⁺] for the periodic part d of a Melnikov process, averaged over both saddles."""
     if sigma == 0.0:
         # The mean of d is 0, so that of max(-d - M, 0) is that of max(d + M, 0) less M.
         return 0.5 * (along.mean_excess(loss) + along.mean_excess(-loss) - loss)
@@ -222,10 +186,7 @@ def _excess_of_sum(along, loss, sigma):
 
 
 def _strengths(noise):
-    """Return standard deviations σ of one noise or of each of a nested sequence of them, an array of its shape.
-
-    They are nondimensional, 0 without noise; white noise raises ValueError.
-    """
+    """Return the standard deviations σ of one noise, or of each of a nested sequence; ValueError for white noise."""
     array = noise_array(noise)
     for entry in array.flat:
         if entry.kind == "white":
@@ -236,21 +197,17 @@ def _strengths(noise):
 
 
 def _excess(harmonic, loss, sigma):
-    """Return E[(σ y₁ + D y₂ - M)⁺], nondimensional, for arrays that broadcast: `harmonic` D, `loss` M and `sigma` σ.
-
-    y₁ is a standard normal number, y₂ the cosine of a uniform phase; the result has the broadcast shape.
-    """
+    """Return E[(σ y₁ + D y₂ - M)⁺] for arrays that broadcast: `harmonic` D, `loss` M and `sigma` σ."""
     quiet = np.sqrt(np.maximum(harmonic - loss, 0.0) * (harmonic + loss))
     quiet = (quiet - loss * np.arctan2(quiet, loss)) / math.pi
     return (quiet + sigma * _mean_near_zero(kink_rounding, harmonic, loss, sigma))[()]
 
 
 def _mean_near_zero(function, harmonic, loss, sigma):
-    """Return the mean over the phase θ of an even function of u that falls like exp(-u²/2), smooth beside u = 0.
+    """Return the mean over the phase θ of an even function of u = (D cos θ - M)/σ that falls like exp(-u²/2).
 
-    u is (D cos θ - M)/σ, with D `harmonic`, M `loss` and σ `sigma`, arrays of one shape, which the result has.
-    `function` takes |u| as an array of any shape. Gauss-Legendre on the phases with 0 < u < 9 and on those with u < 0
-    down to 9 below the largest one: u varies by 9 at most, so that the number of nodes suffices for every σ.
+    It is smooth beside u = 0, and takes |u|. Gauss-Legendre on the phases with 0 < u < 9 and on those with u < 0, down
+    to 9 below the largest one: u varies by 9 at most, so that the number of nodes suffices for every σ.
     """
     harmonic, loss, sigma = (np.asarray(part, float)[..., None] for part in np.broadcast_arrays(harmonic, loss, sigma))
     nodes, weights = gauss_legendre(48, -1.0, 1.0)
@@ -267,33 +224,18 @@ def _mean_near_zero(function, harmonic, loss, sigma):
 
 
 def _phase_of(level, harmonic):
-    """Return the phase from 0 to π, radians, at which D cos θ falls to a level, an end where it does not.
-
-    `level` and D, `harmonic`, are arrays of one shape, which the result has.
-    """
+    """Return the phase from 0 to π at which D cos θ falls to a level, an end where it does not."""
     cosine = np.clip(level, -harmonic, harmonic) / np.where(harmonic > 0.0, harmonic, 1.0)
     return np.arccos(np.where(harmonic > 0.0, cosine, np.sign(level)))
 
 
 def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sigma: float) -> float:
-    """Mean of E[(σ y + d - M)⁺] over a cycle, y a standard normal number and d a sum of harmonics.
+    """Mean of E[(σ y + d - M)⁺] over a cycle, y a standard normal number and d the sum of components D_k cos(kθ + Ψ_k).
 
-    The mean is integrated by Gauss-Legendre quadrature on panels. A panel is halved until a bound of the range of u =
-    (d - M)/σ in it shows that its nodes resolve the integrand. So the error is known before the quadrature is made, and
-    nothing depends on the agreement of two sums, which may agree by chance.
-
-    Parameters
-    ----------
-    components : sequence of (int, float, float)
-        Multiple k of the first harmonic, amplitude D_k and phase Ψ_k, radians, of each part D_k cos(kθ + Ψ_k) of d.
-    loss, sigma : float
-        M, and the standard deviation σ > 0, nondimensional.
-
-    Returns
-    -------
-    float
-        The mean, nondimensional. The rounding of d limits it to an error of 1e-15 (|M| + Σ D_k) for the part of the
-        cycle in which u is above -10.
+    `components` are (k, D_k, Ψ_k), `sigma` is above 0. Gauss-Legendre quadrature on panels: one is halved until a bound
+    of the range of u = (d - M)/σ in it shows that its nodes resolve the integrand. So the error is known before the
+    quadrature is made, and nothing depends on the agreement of two sums, which may agree by chance. The rounding of d
+    limits it to 1e-15 (|M| + Σ D_k) for the part of the cycle in which u is above -10.
     """
     table = np.array(components, float)
     k, amplitude, phase = table[table[:, 1] > 0.0].T
@@ -320,11 +262,7 @@ def mean_excess(components: Sequence[tuple[int, float, float]], loss: float, sig
 
 
 def _panels(phases, half_turns, amplitudes, loss, sigma):
-    """Return the sum over panels, a float, of the mean of E[(σ y + d - M)⁺] in each, as in `mean_excess`.
-
-    The n harmonics of d have phases (panels, n) at the middles, half turns (n,) from there to an end, both in radians,
-    and amplitudes (n,). M is `loss` and σ `sigma`, nondimensional.
-    """
+    """Sum the means of E[(σ y + d - M)⁺] in panels; `phases` (panels, n) are at their middles."""
     nodes, weights = gauss_legendre(24, -1.0, 1.0)
     height = np.full((len(phases), nodes.size), -loss)
     for n, size in enumerate(amplitudes):
@@ -334,34 +272,12 @@ def _panels(phases, half_turns, amplitudes, loss, sigma):
 
 
 def kink_rounding(u: Array) -> Array:
-    """ψ(u) = φ(u) - u N(-u), by which noise rounds the kink of u⁺, without loss of digits in the tail.
-
-    Parameters
-    ----------
-    u : ndarray
-        At least 0.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of `u`; φ and N are the normal density and distribution.
-    """
+    """ψ(u) = φ(u) - u N(-u), by which noise rounds the kink of u⁺, without loss of digits in the tail."""
     from scipy.special import erfcx
 
     return normal_density(u) * (1.0 - math.sqrt(0.5 * math.pi) * u * erfcx(math.sqrt(0.5) * u))
 
 
 def normal_density(u: Array) -> Array:
-    """Return the standard normal density.
-
-    Parameters
-    ----------
-    u : ndarray
-        Of any shape.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of `u`.
-    """
+    """Return the standard normal density."""
     return np.exp(-0.5 * u * u) / math.sqrt(2.0 * math.pi)

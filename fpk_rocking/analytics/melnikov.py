@@ -78,10 +78,10 @@ def critical_amplitude(
     criterion: str = "peak",
     critical_angle: float = 0.0,
 ) -> Number:
-    """Smallest amplitude A of the forcing that meets a Melnikov criterion.
+    """Smallest amplitude A of the forcing that meets a Melnikov criterion; 0 where the noise alone meets it, σ_M >= M.
 
-    D_m is that of `harmonic_amplitude`, σ_M² the Melnikov variance of the noise (`noise_variance`), M that of
-    `impact_loss`.
+    D_m is that of `harmonic_amplitude`, σ_M² that of `noise_variance`, M that of `impact_loss`. Frequencies,
+    restitutions and noises broadcast.
 
     Parameters
     ----------
@@ -90,22 +90,11 @@ def critical_amplitude(
     restitution : array_like
         Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
-        Frequencies, restitutions and noises broadcast.
     criterion : {"peak", "mean square"}
         "peak" is the paper's eq. 14, D_m² + σ_M² >= M²: the peak of the harmonic part squared, plus the mean square of
         the noise. "mean square" is D_m²/2 + σ_M² >= M², with the mean square of both.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        Amplitude A, nondimensional; 0 where the noise alone meets the criterion, σ_M >= M.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -142,16 +131,6 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, criti
     critical_angle : float
         α of the block, 0: a block with another is refused.
 
-    Returns
-    -------
-    ndarray or float
-        Amplitude A, nondimensional.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
-
     Examples
     --------
     >>> from fpk_rocking import melnikov
@@ -172,29 +151,18 @@ def margin(
 ) -> Number:
     """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).
 
-    D_m is that of `harmonic_amplitude`, σ_M² the Melnikov variance of the noise (`noise_variance`), M that of
-    `impact_loss`.
+    D_m is that of `harmonic_amplitude`, σ_M² that of `noise_variance`, M that of `impact_loss`. Amplitudes,
+    frequencies, restitutions and noises broadcast.
 
     Parameters
     ----------
     forcing : Harmonic, Harmonics or (amplitude, frequency)
-        Periodic forcing, as for `harmonic_amplitude`.
+        As for `harmonic_amplitude`.
     restitution : array_like
         Restitution e, from 0 to 1.
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise, or a sequence of them
-        Amplitudes, frequencies, restitutions and noises broadcast. Without noise the margin is D_m - M.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        Nondimensional; negative where the criterion is not met.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------

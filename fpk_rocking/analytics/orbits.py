@@ -58,7 +58,6 @@ class SymmetricOrbit:
         Returns
         -------
         angle, velocity : ndarray or float
-            Nondimensional, of the shape of `phase`.
         """
         turned = np.mod(np.asarray(phase, float) - self.impact_phase, 2.0 * math.pi)
         # The remainder of a small negative number is rounded up to the modulus.
@@ -98,6 +97,9 @@ def symmetric_orbits(
 ) -> tuple[SymmetricOrbit, ...]:
     """Find all symmetric orbits of a slender block with one impact in each half cycle, without noise.
 
+    There are none, one or two, that of the slower impact first, which of two is always unstable. Derived in
+    docs/theory, "Symmetric orbits".
+
     Parameters
     ----------
     amplitude : float
@@ -110,20 +112,6 @@ def symmetric_orbits(
         Angle that counts as overturning, in units of the critical angle, above 0. Orbits that reach it are left out.
     critical_angle : float
         α of the block, 0: a block with another is refused.
-
-    Returns
-    -------
-    tuple of SymmetricOrbit
-        None, one or two orbits, that of the slower impact first. Of two orbits the slower one is always unstable.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is not a number or out of bounds.
-
-    Notes
-    -----
-    Derived in docs/theory, "Symmetric orbits".
 
     Examples
     --------
@@ -142,11 +130,7 @@ def symmetric_orbits(
 
 
 def _speeds(a, omega, e):
-    """Positive roots W of ((1-e)² t² Ω² + (1+e)²) W² - 4 (1+e) t W + 4 (t² - B² Ω²) = 0, ascending: a list.
-
-    They are impact speeds, none, one or two, nondimensional. `a`, `omega` and `e` are amplitude, frequency Ω and
-    restitution, with t = tanh(π/(2Ω)) and B = a/(1 + Ω²).
-    """
+    """Positive roots W of ((1-e)² t² Ω² + (1+e)²) W² - 4 (1+e) t W + 4 (t² - B² Ω²) = 0, ascending: a list."""
     t = math.tanh(0.5 * math.pi / omega)
     push = a * omega / (1.0 + omega * omega)
     square = ((1.0 - e) * t * omega) ** 2 + (1.0 + e) ** 2
@@ -160,10 +144,7 @@ def _speeds(a, omega, e):
 
 
 def _orbit(a, omega, e, speed):
-    """Return the `SymmetricOrbit` with the impact speed `speed`, nondimensional, its phase being computed from that.
-
-    `a`, `omega` and `e` are amplitude and angular frequency of the forcing, nondimensional, and the restitution.
-    """
+    """Return the `SymmetricOrbit` with the impact speed `speed`, nondimensional, its phase being computed from that."""
     t = math.tanh(0.5 * math.pi / omega)
     cosine = -0.5 * (1.0 - e) * t * speed * omega
     sine = t - 0.5 * (1.0 + e) * speed
@@ -171,11 +152,7 @@ def _orbit(a, omega, e, speed):
 
 
 def _flight(orbit, time):
-    """Return (u, w), folded angle and velocity, of a `SymmetricOrbit` at times after an impact, nondimensional.
-
-    `time` and both results are (n,), the times from 0 to h, half a cycle; u = |x|, w = du/dτ. y = x - 1 - P obeys y'' =
-    y and is written through its values at both ends: nothing grows, however long the flight.
-    """
+    """Return (u, w), folded angle and velocity, of a `SymmetricOrbit` at times after an impact, nondimensional."""
     half, omega = math.pi / orbit.frequency, orbit.frequency
     scale = orbit.amplitude / (1.0 + omega * omega)
     angle = omega * time + orbit.impact_phase
@@ -189,11 +166,7 @@ def _flight(orbit, time):
 
 
 def _admissible(orbit, cutoff):
-    """Whether |x| stays between 0 and `cutoff`, nondimensional, within the flight of a `SymmetricOrbit`: a bool.
-
-    By bounds of |u''|, u = |x|, on intervals halved until each is decided; one that is undecided below 1e-9 counts as
-    False. Near the impacts at both ends, u > 0 follows from its Taylor bounds.
-    """
+    """Whether |x| stays between 0 and `cutoff`, nondimensional, within the flight of a `SymmetricOrbit`: a bool."""
     half, omega = math.pi / orbit.frequency, orbit.frequency
     scale = orbit.amplitude / (1.0 + omega * omega)
     p = scale * math.cos(orbit.impact_phase)

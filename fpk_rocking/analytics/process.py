@@ -28,23 +28,15 @@ from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[Number, Number]:
     """Orbit from the saddle x = -1 to the saddle x = 1 without forcing and losses; it meets x = 0 at the time 0.
 
+    (angle, velocity) are sgn(τ)(1 - e^(-|τ|)) and e^(-|τ|) for a slender block, else sgn(τ)(1 - φ/α) and (2/α) sin(φ/2)
+    with tan(φ/4) = tan(α/4) e^(-|τ|).
+
     Parameters
     ----------
     times : array_like
         Times τ, nondimensional.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    angle, velocity : ndarray or float
-        sgn(τ)(1 - e^(-|τ|)) and e^(-|τ|) for a slender block, else sgn(τ)(1 - φ/α) and (2/α) sin(φ/2) with
-        tan(φ/4) = tan(α/4) e^(-|τ|); nondimensional, of the shape of `times`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        `times` are not finite numbers, or α is out of bounds.
 
     Examples
     --------
@@ -59,23 +51,14 @@ def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[N
 def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
     """Fourier transform of the kernel of the process: 2/(1 + ω²) for a slender block (paper eq. 16).
 
+    It is the work that a force cos ωτ does along the orbit. Where cos α < 2/3 it is negative at high frequencies.
+
     Parameters
     ----------
     frequency : array_like
         Angular frequency ω, nondimensional.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        Work that a force cos ωτ does along the orbit, nondimensional, of the shape of `frequency`. Where
-        cos α < 2/3 it is negative at high frequencies.
-
-    Raises
-    ------
-    TypeError, ValueError
-        `frequency` is not of finite numbers, or α is out of bounds.
 
     Examples
     --------
@@ -99,16 +82,6 @@ def harmonic_amplitude(
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
 
-    Returns
-    -------
-    ndarray or float
-        Nondimensional, of the broadcast shape.
-
-    Raises
-    ------
-    TypeError, ValueError
-        `forcing` is none of these, or a value is refused.
-
     Examples
     --------
     >>> from fpk_rocking import melnikov
@@ -122,15 +95,14 @@ def harmonic_amplitude(
 
 
 def forcing_along_orbit(forcing: Harmonics, critical_angle: float) -> Harmonics:
-    """Return the periodic part of the Melnikov process, as a `Harmonics`: each harmonic multiplied by its `transfer`.
-
-    `critical_angle` is α, radians.
-    """
+    """Return the periodic part of the Melnikov process: each harmonic multiplied by its `transfer`."""
     return forcing.filtered(lambda frequency: transfer(frequency, critical_angle))
 
 
 def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
     """Energy M = (1 - e²) v₀²/2 that the impact takes from a block on the heteroclinic orbit.
+
+    The speed v₀ of the orbit at x = 0 is 1 for a slender block, else (2/α) sin(α/2).
 
     Parameters
     ----------
@@ -138,17 +110,6 @@ def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
         Restitution e, from 0 to 1.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        Nondimensional, of the shape of `restitution`. The speed v₀ of the orbit at x = 0 is 1 for a slender block,
-        else (2/α) sin(α/2).
-
-    Raises
-    ------
-    TypeError, ValueError
-        `restitution` is not of numbers from 0 to 1, or α is out of bounds.
 
     Examples
     --------
@@ -171,23 +132,12 @@ def process_mean(
     Parameters
     ----------
     forcing : Harmonic or Harmonics
-        Periodic forcing.
     restitution : array_like
         Restitution e, from 0 to 1; it broadcasts with `times`.
     times : array_like
         Times τ₀ at which the orbit meets x = 0, nondimensional.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        Nondimensional, of the broadcast shape.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -216,10 +166,11 @@ def sampled_process(
 ) -> Array:
     """Melnikov process of given realizations of band noise, in closed form.
 
+    Its mean over realizations is `process_mean`, its variance `noise_variance` (paper eq. 15).
+
     Parameters
     ----------
     forcing : Harmonic or Harmonics
-        Periodic forcing.
     restitution : float
         Restitution e, from 0 to 1.
     noise : BandNoise
@@ -234,12 +185,6 @@ def sampled_process(
     Returns
     -------
     ndarray, shape (..., T)
-        Nondimensional. Its mean over realizations is `process_mean`, its variance `noise_variance` (paper eq. 15).
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused, or the realizations have another number of harmonics than the noise.
 
     Examples
     --------
@@ -268,29 +213,7 @@ def numbers(
     above: float | None = None,
     at_most: float | None = None,
 ) -> Array:
-    """Return a float array of finite numbers within bounds.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter, for the message.
-    value : array_like
-        Of any shape.
-    at_least, above, at_most : float, optional
-        Bounds of every entry; `above` is strict.
-
-    Returns
-    -------
-    ndarray
-        `value` as floats, of its shape.
-
-    Raises
-    ------
-    TypeError
-        Not real numbers.
-    ValueError
-        An entry is not finite or out of bounds; the message shows the first such entry.
-    """
+    """Return an array of floats, of any shape, after a check that all are finite and within bounds."""
     bounds = {">=": at_least, ">": above, "<=": at_most}
     accepted = " and ".join(f"{sign} {bound}" for sign, bound in bounds.items() if bound is not None)
     accepted = f"finite numbers {accepted}".rstrip()
@@ -305,19 +228,13 @@ def numbers(
 
 
 def refuse_exact(critical_angle: float, what: str) -> None:
-    """Raise ValueError for a critical angle, radians, above 0, else return None.
-
-    `what`, a text, names what is known for a slender block alone, for the message.
-    """
+    """Raise ValueError for a critical angle above 0; `what`, for the message, is known for a slender block alone."""
     if checks.number("critical_angle", critical_angle, at_least=0.0) > 0.0:
         raise ValueError(checks.refusal("critical_angle", critical_angle, f"0 (block.slender = true) for {what}"))
 
 
 def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
-    """Return (A, Ω), arrays, from a `Harmonic` or from a pair (amplitude, frequency) of array_like, checked.
-
-    Both are nondimensional; other forcings raise TypeError or ValueError.
-    """
+    """Return (A, Ω) of a harmonic forcing, or of a pair (amplitude, frequency) of array_like after a check."""
     if isinstance(forcing, Harmonic):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
     refuse_transient(forcing, "the Melnikov process")
@@ -331,10 +248,7 @@ def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
 
 
 def noise_array(noise: Any) -> Array:
-    """Return an object array of noises, from one noise, shape (), or nested sequences, of their shape.
-
-    Other things raise TypeError, and noises with an envelope ValueError.
-    """
+    """Return an object array of one noise, shape (), or of nested sequences of noises, none with an envelope."""
     array = np.asarray(noise, dtype=object)
     for entry in array.flat:
         checks.instance("noise", entry, *NOISES.values())
@@ -343,9 +257,6 @@ def noise_array(noise: Any) -> Array:
 
 
 def melnikov_deviations(noise: Any, critical_angle: float = 0.0) -> Array:
-    """Return the standard deviations σ_M, nondimensional, of the Melnikov process under one noise or each of many.
-
-    `noise` is one, or a nested sequence, whose shape the array has. `critical_angle` is α, radians.
-    """
+    """Return the standard deviations σ_M of the Melnikov process under one noise, shape (), or a nested sequence."""
     array = noise_array(noise)
     return np.sqrt([noise_variance(entry, critical_angle) for entry in array.flat]).reshape(array.shape)
