@@ -15,7 +15,7 @@ from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
 from fpk_rocking.results import sampling
 from fpk_rocking.results.remarks import noise_text, remarks
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
@@ -106,6 +106,8 @@ class Comparison(Result):
     melnikov_margin: np.ndarray
     phase_flux: np.ndarray
 
+    row_dims = ("cycle",)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the engines of both results, (first, second)."""
@@ -180,34 +182,24 @@ class Comparison(Result):
             sentences.append(f"The noise differs: {noise_text(first)}, against {noise_text(second)}.")
         return (*sentences, *_shared_seed(self.results))
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of survival of both results, its difference, leakage, distances of bins.
+    def places(self) -> dict[str, Any]:
+        """Cycles, times, and the cycles during which there is leakage."""
+        return {"cycle": self.cycles, "time": ("cycle", self.times), "during": self.cycles[1:]}
 
-        A row of its table is a cycle; the distances are nan but at `joint_cycles`.
-        """
+    def derived(self) -> dict[str, Any]:
+        """Survival of both results, its difference, leakage, and distances of bins, nan but at `joint_cycles`."""
         distance = {name: np.full(self.cycles.size, math.nan) for name in _DISTANCES}
         for name, values in distance.items():
             values[self.joint_cycles] = getattr(self, name)
-        return Dataset(
-            {
-                "survival": (("cycle", "result"), self.survival),
-                "survival_interval": (("cycle", "result", "limit"), self.interval),
-                "difference": ("cycle", self.difference),
-                "standard_error": ("cycle", self.standard_error),
-                "z": ("cycle", self.z),
-                **{name: ("cycle", values) for name, values in distance.items()},
-                "leakage": (("during", "result", "side"), self.leakage),
-            },
-            {
-                "cycle": self.cycles,
-                "time": ("cycle", self.times),
-                "during": self.cycles[1:],
-                "result": ["first", "second"],
-                "limit": ["low", "high"],
-                "side": ["left", "right"],
-            },
-            rows=("cycle",),
-        )
+        return {
+            "survival": ("cycle result", self.survival),
+            "survival_interval": ("cycle result limit", self.interval),
+            "difference": ("cycle", self.difference),
+            "standard_error": ("cycle", self.standard_error),
+            "z": ("cycle", self.z),
+            **{name: ("cycle", values) for name, values in distance.items()},
+            "leakage": ("during result side", self.leakage),
+        }
 
     def plot(self) -> Any:
         """Draw survival of both results, and their difference with 95 % intervals; returns a matplotlib figure."""

@@ -5,7 +5,7 @@ import dataclasses
 import functools
 import math
 import time
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from fpk_rocking.base.checks import Array, Progress
 from fpk_rocking.base.jit import thread_count
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.physics.noise.envelope import refuse_envelope
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.batches import checked_run
@@ -61,18 +61,18 @@ class Splitting(Result):
     (20, 3) False
     """
 
+    kind: ClassVar = "splitting"
     scene: Scene
     walkers: int
     seed: int
     steps_per_cycle: int
     wall_s: float
-    repeat_overturned: np.ndarray
-    levels: np.ndarray
-    killed: np.ndarray
+    repeat_overturned: Annotated[Array, "f8 repeat cycle side"]
+    levels: Annotated[Array, "i8 repeat"]
+    killed: Annotated[Array, "i8 repeat"]
 
-    def __post_init__(self):
-        for name in ("repeat_overturned", "levels", "killed"):
-            getattr(self, name).flags.writeable = False
+    row_dims = ("cycle",)
+    more_metadata = ("repeats", "extinct", "skewed")
 
     @property
     def repeats(self) -> int:
@@ -135,11 +135,6 @@ class Splitting(Result):
         last = float(self.probability[-1])
         return float(self.standard_error[-1]) / last if last else None
 
-    @property
-    def metadata(self) -> dict[str, Any]:
-        """Plain values by name: walkers, seed, steps, seconds, repeats, extinct ones, and whether they are skewed."""
-        return super().metadata | {name: getattr(self, name) for name in ("repeats", "extinct", "skewed")}
-
     def model_diagnostics(self) -> list[Diagnostic]:
         """Diagnostics of the model, and of the number of walkers and repeats."""
         diagnostics = super().model_diagnostics()
@@ -160,23 +155,13 @@ class Splitting(Result):
         error = f"{self.probability[-1]:.3g} ± {self.standard_error[-1]:.1g}"
         return f"P(overturned) {error} after {self.cycles} cycles, {self.repeats} repeats of {self.walkers:,} walkers"
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of probability, its standard error, and the estimates of the repeats.
-
-        A row of its table is a cycle, from 0 on.
-        """
-        return Dataset(
-            {
-                "probability": ("cycle", self.probability),
-                "standard_error": ("cycle", self.standard_error),
-                "overturned": (("cycle", "side"), self.overturned),
-                "repeat_overturned": (("repeat", "cycle", "side"), self.repeat_overturned),
-                "levels": ("repeat", self.levels),
-                "killed": ("repeat", self.killed),
-            },
-            {"cycle": np.arange(self.cycles + 1), "side": ["left", "right"]},
-            rows=("cycle",),
-        )
+    def derived(self) -> dict[str, Any]:
+        """Probability with its standard error, and to either side, after each cycle."""
+        return {
+            "probability": ("cycle", self.probability),
+            "standard_error": ("cycle", self.standard_error),
+            "overturned": ("cycle side", self.overturned),
+        }
 
     def plot(self) -> Any:
         """Draw the probability of having overturned, with two standard errors, over the cycles: a matplotlib figure."""

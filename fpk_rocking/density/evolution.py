@@ -15,9 +15,7 @@ from fpk_rocking.density.resolution import bins_tolerance
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results.remarks import scene_diagnostics
-from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.sampling import Replacement, check_remarks, measured
-from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.parts import Start
@@ -25,7 +23,7 @@ from fpk_rocking.scene.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Evolution(Saved, SurvivalResult):
+class Evolution(SurvivalResult):
     """The joint density of angle and velocity over time, the result of `solve_fpk`; all quantities are nondimensional.
 
     Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
@@ -100,11 +98,11 @@ class Evolution(Saved, SurvivalResult):
     diffusion: float
     noise_replacement: str
     tol: float
-    times: Annotated[Array, "f8 k+1"]
-    survival: Annotated[Array, "f8 k+1"]
-    overturned: Annotated[Array, "f8 k+1 2"]
-    truncated: Annotated[Array, "f8 k+1"]
-    at_rest: Annotated[Array, "f8 k+1"]
+    times: Annotated[Array, "f8 time"]
+    survival: Annotated[Array, "f8 time"]
+    overturned: Annotated[Array, "f8 time side"]
+    truncated: Annotated[Array, "f8 time"]
+    at_rest: Annotated[Array, "f8 time"]
     error_estimate: float
     bins_error_estimate: float
     rest_error_estimate: float
@@ -113,7 +111,7 @@ class Evolution(Saved, SurvivalResult):
     moving_negative_mass: float
     wall_s: float
     settings: dict
-    coefficients: Annotated[Array, "f8 k+1 x v d d"]
+    coefficients: Annotated[Array, "f8 time x v d d"]
     angle_lines: Annotated[Array, "f8 x+1"]
     velocity_lines: Annotated[Array, "f8 v+1"]
     rests_exactly: bool
@@ -275,19 +273,13 @@ class Evolution(Saved, SurvivalResult):
         own = {} if math.isinf(self.bins_tol) else {"bins_tol": self.bins_tol}
         return super().metadata | own | ({"replacement": self.replacement.plain} if self.replacement else {})
 
-    def dataset(self) -> Dataset:
-        """Survival, overturned to either side, truncated, at rest and binned probabilities over times, as a `Dataset`.
-
-        Where the replacement of the noise was checked: also what it changes in survival, the sampling error of that,
-        and the total error of survival.
-        """
-        dataset = super().dataset()
-        dataset.variables.update(truncated=("time", self.truncated), at_rest=("time", self.at_rest))
-        if (check := self.replacement) is not None:
-            added = check.difference, check.sampling_error, not_none(self.total_error)
-            names = "survival_replacement", "survival_replacement_error", "survival_total_error"
-            dataset.variables.update({name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)})
-        return dataset
+    def derived(self) -> dict[str, Any]:
+        """Bins, and, where the replacement of the noise was checked, what it changes in survival, with errors."""
+        if (check := self.replacement) is None:
+            return super().derived()
+        added = check.difference, check.sampling_error, not_none(self.total_error)
+        names = "survival_replacement", "survival_replacement_error", "survival_total_error"
+        return super().derived() | {name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)}
 
     def at(self, cycle: int) -> Density:
         """Return the density after a number of cycles.

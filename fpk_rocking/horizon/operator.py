@@ -20,7 +20,7 @@ from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.remarks import describe_replacement
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.ranges import joint_edges
 from fpk_rocking.scene.scene import Scene
@@ -143,30 +143,26 @@ class CycleOperator(Result, LinearOperator):
         """The escape rate per cycle and its relative error, as a line of text."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
-    def dataset(self) -> Dataset:
-        """Leading eigenvalues, leakage to either side, and the binned quasi-stationary density, as a `Dataset`.
+    row_dims = ("mode",)
 
-        It has modulus, real, imaginary (mode,), leakage (side,) and bin_probability (bin_angle, bin_velocity).
-        """
-        edges, values = self._shown_edges(), self.eigenvalues
-        angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
-        bins = self.quasi_stationary.bin_probabilities(*edges)
-        return Dataset(
-            {
-                "modulus": ("mode", np.abs(values)),
-                "real": ("mode", values.real),
-                "imaginary": ("mode", values.imag),
-                "leakage": ("side", self.leakage),
-                "bin_probability": (("bin_angle", "bin_velocity"), bins),
-            },
-            {
-                "mode": np.arange(len(values)),
-                "side": ["left", "right"],
-                "bin_angle": angle,
-                "bin_velocity": velocity,
-            },
-            rows=("mode",),
-        )
+    def places(self) -> dict[str, Any]:
+        """Numbers of the modes, and the middles of the bins."""
+        middles = (0.5 * (line[1:] + line[:-1]) for line in self._shown_edges())
+        return super().places() | dict(zip(("bin_angle", "bin_velocity"), middles, strict=True))
+
+    def derived(self) -> dict[str, Any]:
+        """Leading eigenvalues, leakage to either side, and the binned quasi-stationary density."""
+        values = self.eigenvalues
+        return {
+            "modulus": ("mode", np.abs(values)),
+            "real": ("mode", values.real),
+            "imaginary": ("mode", values.imag),
+            "leakage": ("side", self.leakage),
+            "bin_probability": (
+                "bin_angle bin_velocity",
+                self.quasi_stationary.bin_probabilities(*self._shown_edges()),
+            ),
+        }
 
     def plot(self) -> Any:
         """Draw the quasi-stationary density and the leading eigenvalues; returns a matplotlib Figure."""

@@ -1,4 +1,4 @@
-"""What every result has, of whichever engine or study: verdict, card, dataset, files, frames, summary."""
+"""What every result has, of whichever engine or study: arrays, numbers, verdict, files, tables, frames."""
 
 import dataclasses
 import functools
@@ -6,86 +6,32 @@ import html
 import importlib
 import itertools
 import textwrap
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from fpk_rocking.base.checks import Array, File
+from fpk_rocking.results import storage
 from fpk_rocking.results.remarks import scene_diagnostics, scene_remarks
-from fpk_rocking.results.storage import plain, write_csv
 from fpk_rocking.results.trust import DIAGNOSTICS, Diagnostic, Trust, assess, verdict
 
 
-class Dataset(NamedTuple):
-    """The arrays of a result.
-
-    Parameters
-    ----------
-    variables : dict of str to (dimensions, values)
-        As in ``{"overturned": (("time", "side"), overturned)}``. The dimensions are a name or a tuple of names; the
-        values an array, or a function without parameters that computes it, for arrays that take long.
-    coordinates : dict
-        Values along each dimension by its name, as in ``{"side": ["left", "right"]}``; by other names (dimensions,
-        values) as of a variable.
-    rows : tuple of str
-        Dimensions that the rows of the table stand for, the last one running fastest; each has a coordinate.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene, solve_fpk
-    >>> dataset = solve_fpk(load_scene("main"), cycles=4, tol=1e-2).dataset()
-    >>> print(dataset.rows, dataset.table()["survival"].round(2))
-    ('time',) [1.   1.   1.   0.96 0.86]
-    """
-
-    variables: dict[str, Any]
-    coordinates: dict[str, Any]
-    rows: tuple[str, ...]
-
-    def in_rows(self) -> Iterator[tuple[str, tuple[str, ...], Array]]:
-        """Yield (name, dimensions, values) of each variable in the table: str, tuple of names, ndarray.
-
-        These have at least one dimension of the rows, and no others but such as have texts for coordinates.
-        """
-        for name, variable in self.variables.items():
-            dims, values = _pair(name, variable)
-            columns = [dim for dim in dims if dim not in self.rows]
-            if len(columns) < len(dims) and all(self._labels(dim) for dim in columns):
-                yield name, dims, _computed(values)
-
-    def table(self) -> dict[str, Array]:
-        """Return the columns of the table, a dict of arrays (rows,) by name: coordinates, then variables.
-
-        Of a variable with a dimension beside the rows each label has a column, as "overturned_left"; that of an
-        "x_interval" is "x_low".
-        """
-        places = [(name, *_pair(name, values)) for name, values in self.coordinates.items()]
-        sizes = [len(self.coordinates[dim]) for dim in self.rows]
-        columns = {}
-        for name, dims, values in [*(entry for entry in places if set(entry[1]) <= set(self.rows)), *self.in_rows()]:
-            ordered = sorted(dims, key=lambda dim: self.rows.index(dim) if dim in self.rows else len(self.rows))
-            array = np.transpose(np.asarray(values), [dims.index(dim) for dim in ordered])
-            labels = [self._labels(dim) for dim in ordered if dim not in self.rows]
-            array = array.reshape(
-                [size if dim in dims else 1 for dim, size in zip(self.rows, sizes, strict=True)] + [-1]
-            )
-            array = np.broadcast_to(array, [*sizes, array.shape[-1]])
-            for place, texts in enumerate(itertools.product(*labels)):
-                columns["_".join([name.removesuffix("_interval"), *texts])] = array[..., place].ravel()
-        return columns
-
-    def _labels(self, dim):
-        """Return a list of the coordinates of a dimension `dim`, its name, if these are texts; else an empty list."""
-        labels = list(self.coordinates.get(dim, ()))
-        return labels if all(isinstance(label, str) for label in labels) else []
-
-
 class Result:
-    """A result: its subclass says what it holds, and all that a user does with a result derives from that.
+    """Named arrays with their dimensions, numbers and texts: the one value that every engine and study returns.
 
-    A subclass is a frozen dataclass with a `title`, a `dataset` and a `plot`. Its numbers and texts are its `metadata`;
-    those of a name in `fpk_rocking.results.trust.DIAGNOSTICS` are judged. With `Saved` it can also be saved.
+    A subclass is a frozen dataclass; its fields are the file and the table. It has a `title`, a `plot`, and `row_dims`,
+    the dimensions that the rows of its table stand for. A field is one of these:
+
+    * ``Annotated[Array, "f8 time side"]``, an array with its dtype and dimensions. A word is a dimension, of one length
+      in all arrays; these arrays are the `variables`. One that is named as its dimension, or in the plural, holds the
+      places along it. With a letter or a number for a length, as in "f8 n 20k+1", an array is in the file alone. After
+      construction nobody can write to an array.
+    * float, int, bool, str, dict or list, of what JSON holds. Plain ones are the `metadata`; those of a name in
+      `fpk_rocking.results.trust.DIAGNOSTICS` are judged.
+    * `Scene`, or ``tuple[Scene, ...]``.
+    * a NamedTuple or dataclass with such fields, or ``... | None``.
+
+    The fields check each other in ``__post_init__``, where that raises ValueError.
 
     Examples
     --------
@@ -97,30 +43,33 @@ class Result:
     >>> from fpk_rocking import Scene, load_scene
     >>> from fpk_rocking.base.checks import Array
     >>> from fpk_rocking.results.pictures import figure_of
-    >>> from fpk_rocking.results.result import Dataset, Result
-    >>> from fpk_rocking.results.storage import Saved
+    >>> from fpk_rocking.results.result import Result
     >>> @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-    ... class Rates(Saved, Result):
+    ... class Rates(Result):
     ...     kind: ClassVar = "rates"  # in its file
+    ...     row_dims = ("day",)
     ...     scene: Scene
     ...     method: str  # metadata
     ...     tol: float
     ...     error_estimate: float  # metadata, and judged against tol
-    ...     rate: Annotated[Array, "f8 n 2"]  # an array; its form in a file
+    ...     rate: Annotated[Array, "f8 day side"]
     ...     @property
     ...     def title(self):
     ...         return f"{len(self.rate)} rates by {self.method}"
-    ...     def dataset(self):
-    ...         places = {"day": np.arange(len(self.rate)), "side": ["left", "right"]}
-    ...         return Dataset({"rate": (("day", "side"), self.rate)}, places, rows=("day",))
     ...     def plot(self):
     ...         return figure_of(lambda _, axes: axes.plot(self.rate))
     >>> rates = Rates(load_scene("second").white_equivalent(), "hand", 0.01, 0.002, np.array([[0.1, 0.2], [0.3, 0.4]]))
     >>> rates
     <Rates: 2 rates by hand; trust: ok. The estimated error of the probabilities is 0.002, within 0.01.>
-    >>> print(list(rates.dataset().table()), rates.summary()["rate"])
+    >>> print(list(rates.table()), rates.summary()["rate"])
     ['day', 'rate_left', 'rate_right'] [[0.1, 0.2], [0.3, 0.4]]
     """
+
+    kind: ClassVar[str] = ""
+    """Name of the kind of result in its file; empty for a class without files."""
+
+    more_metadata: ClassVar[tuple[str, ...]] = ()
+    """Names of attributes that are metadata besides the fields."""
 
     if TYPE_CHECKING:  # a property of the base would be the default value of a field of its name
         scene: Any
@@ -129,11 +78,87 @@ class Result:
         def title(self) -> str:
             """What this is a result of, as a line of text."""
 
-        def dataset(self) -> Dataset:
-            """Return the `Dataset`, a named tuple of the arrays with their dimensions."""
+        @property
+        def row_dims(self) -> tuple[str, ...]:
+            """Dimensions that the rows of the table stand for, the last one running fastest."""
 
         def plot(self) -> Any:
             """Draw the result; returns a matplotlib figure."""
+
+    def __post_init__(self) -> None:
+        for name, annotation in storage.fields_of(type(self)):
+            if storage.form_of(annotation):
+                getattr(self, name).flags.writeable = False
+
+    def save(self, path: File) -> None:
+        """Save the result to a file; an interruption leaves no partial file.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            File to write, by custom with the suffix .npz; its folder is created if missing.
+
+        Raises
+        ------
+        TypeError
+            An attribute is not JSON, or the class has no files.
+        """
+        storage.save(self, path)
+
+    @classmethod
+    def load(cls, path: File) -> Self:
+        """Load a saved result of this class from a file, whose checksum is verified.
+
+        Parameters
+        ----------
+        path : str or pathlib.Path
+            A file that `save` wrote.
+
+        Raises
+        ------
+        FileNotFoundError
+            There is no such file.
+        ValueError
+            The file is not a result, is damaged or truncated, or holds another kind, format or content.
+        """
+        return storage.load(cls, path)
+
+    def derived(self) -> dict[str, tuple[str | tuple[str, ...], Any]]:
+        """Arrays besides the fields: (dimensions, values) by name, as in ``{"speed": ("time side", speeds)}``.
+
+        The values are an array, or a function without parameters that computes it, for arrays that take long. A field
+        that is named here as well stands at this place in the table.
+        """
+        return {}
+
+    def places(self) -> dict[str, Any]:
+        """Places along the dimensions by name, or (dimensions, places) by another name.
+
+        By default a dimension of the rows has the field of its name, else numbers from 0.
+        """
+        own = {dims[0]: getattr(self, name) for name, dims, along in _array_fields(type(self)) if along}
+        return {dim: own[dim] if dim in own else np.arange(self._size(dim)) for dim in self.row_dims}
+
+    def _size(self, dim):
+        """Length of a dimension, by the arrays that have it."""
+        arrays = ((dims, values) for dims, values in self.variables.values() if dim in dims and not callable(values))
+        return next(np.shape(values)[dims.index(dim)] for dims, values in arrays)
+
+    @functools.cached_property
+    def variables(self) -> dict[str, tuple[tuple[str, ...], Any]]:
+        """All arrays: (dimensions, values) by name, those of the fields and then those of `derived`."""
+        derived = {name: (_dims(dims), values) for name, (dims, values) in self.derived().items()}
+        fields = [(name, dims) for name, dims, along in _array_fields(type(self)) if not (along or name in derived)]
+        return {name: (dims, getattr(self, name)) for name, dims in fields} | derived
+
+    @property
+    def coordinates(self) -> dict[str, tuple[tuple[str, ...], Any]]:
+        """(dimensions, places) by name: those of `places`, and "left" and "right" or the like where these occur."""
+        occurring = {dim for dims, _ in self.variables.values() for dim in dims}
+        labels = {dim: list(names) for dim, names in storage.LABELS.items() if dim in occurring}
+        entries = (self.places() | labels).items()
+        pairs = {name: entry if isinstance(entry, tuple) else (name, entry) for name, entry in entries}
+        return {name: (_dims(dims), values) for name, (dims, values) in pairs.items()}
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
@@ -167,7 +192,8 @@ class Result:
         fields: Any = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
         values = {field.name: getattr(self, field.name) for field in fields}
         plain_fields = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
-        return plain_fields | {figure.name: figure.value for figure in self.diagnostics if figure.value is not None}
+        figures = {figure.name: figure.value for figure in self.diagnostics if figure.value is not None}
+        return plain_fields | figures | {name: getattr(self, name) for name in self.more_metadata}
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -177,8 +203,8 @@ class Result:
 
     def summary(self) -> dict[str, Any]:
         """Return a dict for JSON: metadata and arrays of the table by name, "trust" (verdict, reasons), "remarks"."""
-        arrays = {name: values for name, _, values in self.dataset().in_rows()}
-        return plain(self.metadata | arrays | {"trust": self.trust.plain, "remarks": self.remarks})
+        arrays = {name: values for name, (_, values) in self._in_rows().items()}
+        return storage.plain(self.metadata | arrays | {"trust": self.trust.plain, "remarks": self.remarks})
 
     def __repr__(self) -> str:
         reason = textwrap.shorten(self.trust.reasons[0], 100, placeholder=" ...")
@@ -204,9 +230,35 @@ class Result:
             f"<details><summary>Figures</summary><table>{rows}</table></details></div>"
         )
 
+    def _in_rows(self):
+        """Variables of the table: those with a dimension of its rows, and no other but such as have texts as places."""
+        named = {name for name, (_, places) in self.coordinates.items() if _are_texts(places)}
+        return {
+            name: (dims, values() if callable(values) else values)
+            for name, (dims, values) in self.variables.items()
+            if set(dims) & set(self.row_dims) and set(dims) <= {*self.row_dims, *named}
+        }
+
     def table(self) -> dict[str, Array]:
-        """Columns of the table of `dataset` by name, each of shape (rows,)."""
-        return self.dataset().table()
+        """Columns by name, each of shape (rows,): places of the rows, then variables.
+
+        Of a variable with a dimension beside the rows each label has a column, as "overturned_left"; that of an
+        "x_interval" is "x_low".
+        """
+        places, row_dims = self.coordinates, self.row_dims
+        sizes = [len(places[dim][1]) for dim in row_dims]
+        of_rows = {name: pair for name, pair in places.items() if set(pair[0]) <= set(row_dims)}
+        columns = {}
+        for name, (dims, values) in (of_rows | self._in_rows()).items():
+            ordered = [*(dim for dim in row_dims if dim in dims), *(dim for dim in dims if dim not in row_dims)]
+            array = np.transpose(np.asarray(values), [dims.index(dim) for dim in ordered])
+            lengths = [size if dim in dims else 1 for dim, size in zip(row_dims, sizes, strict=True)]
+            array = array.reshape([*lengths, -1])
+            array = np.broadcast_to(array, [*sizes, array.shape[-1]])
+            labels = [places[dim][1] for dim in ordered if dim not in row_dims]
+            for place, texts in enumerate(itertools.product(*labels)):
+                columns["_".join([name.removesuffix("_interval"), *texts])] = array[..., place].ravel()
+        return columns
 
     def to_csv(self, path: File) -> None:
         """Write the `table` as a CSV file.
@@ -217,23 +269,23 @@ class Result:
             File to write.
         """
         columns = self.table()
-        write_csv(path, columns, zip(*(column.tolist() for column in columns.values()), strict=True))
+        storage.write_csv(path, columns, zip(*(column.tolist() for column in columns.values()), strict=True))
 
     def to_dataframe(self) -> Any:
         """Return the `table` as a `pandas.DataFrame`; needs ``pip install 'fpk-rocking[frames]'``."""
         return _optional("pandas").DataFrame({name: np.array(values) for name, values in self.table().items()})
 
     def to_xarray(self) -> Any:
-        """Return the arrays of `dataset` as an `xarray.Dataset`; needs ``pip install 'fpk-rocking[frames]'``.
+        """Return `variables` and `coordinates` as an `xarray.Dataset`; needs ``pip install 'fpk-rocking[frames]'``.
 
         Single numbers and texts of `metadata`, the verdict "trust" and its "reasons" are attributes of the dataset.
         """
         about = self._figures() | {"trust": self.trust.verdict, "reasons": " ".join(self.trust.reasons)}
-        groups = [{name: _pair(name, values) for name, values in group.items()} for group in self.dataset()[:2]]
-        copies = [
-            {name: (dims, np.array(_computed(values))) for name, (dims, values) in group.items()} for group in groups
-        ]
-        return _optional("xarray").Dataset(*copies, about)
+        arrays, places = (
+            {name: (dims, np.array(values() if callable(values) else values)) for name, (dims, values) in group.items()}
+            for group in (self.variables, self.coordinates)
+        )
+        return _optional("xarray").Dataset(arrays, places, about)
 
     def _figures(self):
         """Return a dict of the single numbers and texts among the metadata, by name."""
@@ -251,16 +303,22 @@ def _optional(name):
         raise ModuleNotFoundError(needed, name=name) from None
 
 
-def _pair(name, variable):
-    """Return (dimensions, values) of an entry `variable` of a `Dataset`: a tuple of names, and an array or a function.
+def _array_fields(cls):
+    """(name, dimensions, whether it holds the places along one) of each array field whose dimensions are words."""
+    forms = ((name, storage.form_of(annotation)) for name, annotation in storage.fields_of(cls))
+    words = ((name, tuple(form.split()[1:])) for name, form in forms if form)
+    return [
+        (name, dims, len(dims) == 1 and name in (dims[0], f"{dims[0]}s"))
+        for name, dims in words
+        if all(dim.isidentifier() and len(dim) > 1 for dim in dims)
+    ]
 
-    `variable` is such a pair, dimensions being a name or a tuple of names, or the values of a coordinate, which has
-    one dimension, of its own name `name`.
-    """
-    dims, values = variable if isinstance(variable, tuple) else (name, variable)
-    return ((dims,) if isinstance(dims, str) else dims), values
+
+def _dims(dims):
+    """Return the tuple of dimensions that stand in a text, as in "time side"."""
+    return tuple(dims.split()) if isinstance(dims, str) else dims
 
 
-def _computed(values):
-    """Return the array of `values`, which are an array or a function without arguments that computes it."""
-    return values() if callable(values) else values
+def _are_texts(values):
+    """Whether all of some places are texts, so that each may name a column."""
+    return len(values) > 0 and all(isinstance(value, str) for value in values)

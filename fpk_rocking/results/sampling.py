@@ -198,8 +198,8 @@ class Replacement:
     [ 0.01  0.   -0.01] [0.02 0.01 0.02]
     """
 
-    difference: Annotated[Array, "f8 k+1 3"]
-    sampling_error: Annotated[Array, "f8 k+1 3"]
+    difference: Annotated[Array, "f8 time 3"]
+    sampling_error: Annotated[Array, "f8 time 3"]
     method: str
     realizations: int
     seed: int

@@ -2,7 +2,7 @@
 
 A result file is an .npz archive without pickled objects: the arrays as they are, and one JSON header with the format's
 version, the kind of result, its scenes as TOML, the scalar attributes and the versions of the programs that wrote it.
-What a file of a kind holds follows from the fields of its class, see `Saved`.
+What a file of a kind holds follows from the fields of its class, see `Result`.
 """
 
 import contextlib
@@ -19,7 +19,7 @@ import secrets
 import typing
 import zipfile
 from collections.abc import Iterable, Iterator
-from typing import Any, ClassVar, Self
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -95,111 +95,71 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+T = TypeVar("T")
+
 _FORMAT = 7
 _HEADER = "header"
 
 
-class Saved:
-    """A result that can be saved to a file and loaded again; its dataclass fields say what the file holds.
+LABELS = {"side": ("left", "right"), "limit": ("low", "high"), "result": ("first", "second")}
+"""Dimensions whose places have names."""
 
-    A field is one of these:
 
-    * ``Annotated[Array, "f8 n k+1"]``, an array with its dtype and lengths. A letter is one length in all arrays of the
-      result; it may have a factor in front and 1 added. After construction nobody can write to it.
-    * float, int, bool, str, dict or list, of what JSON holds; float takes whole numbers too.
-    * `Scene`, or ``tuple[Scene, ...]``.
-    * a NamedTuple or dataclass with such fields, or ``... | None``.
+def save(result: Any, path: File) -> None:
+    """Write a `Result` to a file; see `Result.save`."""
+    if not result.kind:
+        raise TypeError(f"{type(result).__name__}: results of this class have no files")
+    arrays: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
+    scenes: list[Scene] = []
+    _take_apart(result, "", arrays, attributes, scenes)
+    header = {
+        "format": _FORMAT,
+        "kind": result.kind,
+        "scenes": [scene.to_toml() for scene in scenes],
+        "attributes": attributes,
+        "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
+    }
+    text = json.dumps(header)
+    with replaced_atomically(path) as temporary, temporary.open("wb") as file:
+        np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
 
-    The fields check each other in ``__post_init__``, where that raises ValueError.
-    """
 
-    kind: ClassVar[str]
-    """Name of the kind of result in its file."""
-
-    def __post_init__(self) -> None:
-        for name, annotation in _fields(type(self)):
-            if _form(annotation):
-                getattr(self, name).flags.writeable = False
-
-    def save(self, path: File) -> None:
-        """Save the result to a file; an interruption leaves no partial file.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
-
-        Raises
-        ------
-        TypeError
-            An attribute is not JSON.
-        """
-        arrays: dict[str, Any] = {}
-        attributes: dict[str, Any] = {}
-        scenes: list[Scene] = []
-        _take_apart(self, "", arrays, attributes, scenes)
-        header = {
-            "format": _FORMAT,
-            "kind": self.kind,
-            "scenes": [scene.to_toml() for scene in scenes],
-            "attributes": attributes,
-            "versions": {name: importlib.metadata.version(name) for name in ("fpk-rocking", "numpy", "scipy", "numba")},
-        }
-        text = json.dumps(header)
-        with replaced_atomically(path) as temporary, temporary.open("wb") as file:
-            np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
-
-    @classmethod
-    def load(cls, path: File) -> Self:
-        """Load a saved result from a file, whose checksum is verified.
-
-        Parameters
-        ----------
-        path : str or pathlib.Path
-            A file that `save` wrote.
-
-        Returns
-        -------
-        result
-            Of this class.
-
-        Raises
-        ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is not a result, is damaged or truncated, or holds another kind, format or content.
-        """
-        with _opened(path) as (header, archive):
-            if header["kind"] != cls.kind:
-                raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {cls.kind!r}")
-            names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
-            arrays = {name: _array(path, archive, name) for name in sorted(names)}
-        parts = arrays | header["attributes"]
-        try:
-            result = _build(cls, "", parts, [Scene.from_toml(text) for text in header["scenes"]], {})
-            if parts:
-                raise ValueError(f"got {', '.join(sorted(parts))}, which it does not have")
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"{path}: not the content of a saved result: {error}") from None
-        return result
+def load(cls: type[T], path: File) -> T:
+    """Read a `Result` of the class `cls` from a file; see `Result.load`."""
+    with _opened(path) as (header, archive):
+        kind = cls.kind  # type: ignore[attr-defined]
+        if header["kind"] != kind:
+            raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
+        names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
+        arrays = {name: _array(path, archive, name) for name in sorted(names)}
+    parts = arrays | header["attributes"]
+    try:
+        result = _build(cls, "", parts, [Scene.from_toml(text) for text in header["scenes"]], {})
+        if parts:
+            raise ValueError(f"got {', '.join(sorted(parts))}, which it does not have")
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{path}: not the content of a saved result: {error}") from None
+    return result
 
 
 def result_kind(path: File) -> str:
-    """Return the kind (str, as "ensemble") of the saved result in the file at a path; raises as `Saved.load`."""
+    """Return the kind, as "ensemble", of the saved result in the file at a path; raises as `Result.load`."""
     with _opened(path) as (header, _):
         return header["kind"]
 
 
-def _fields(cls):
-    """Return a list of pairs (name, annotation) of the fields of a dataclass or a NamedTuple `cls`."""
+def fields_of(cls: type) -> list[tuple[str, Any]]:
+    """Return pairs (name, annotation) of the fields of a dataclass or a NamedTuple; none of another class."""
+    if not (hasattr(cls, "_fields") or dataclasses.is_dataclass(cls)):
+        return []
     hints = typing.get_type_hints(cls, include_extras=True)
     names = cls._fields if hasattr(cls, "_fields") else [field.name for field in dataclasses.fields(cls)]
     return [(name, hints[name]) for name in names]
 
 
-def _form(annotation):
-    """Return the text of dtype and lengths of an annotated array, as in "f8 n k+1"; None for any other annotation."""
+def form_of(annotation: Any) -> str | None:
+    """Return the text of dtype and dimensions of an annotated array, as "f8 time side"; None for other annotations."""
     return annotation.__metadata__[0] if typing.get_origin(annotation) is typing.Annotated else None
 
 
@@ -218,9 +178,9 @@ def _take_apart(result, prefix, arrays, attributes, scenes):
 
     Arrays are put into the dict `arrays`, plain values into the dict `attributes`, and scenes into the list `scenes`.
     """
-    for name, annotation in _fields(type(result)):
+    for name, annotation in fields_of(type(result)):
         value = getattr(result, name)
-        if _form(annotation):
+        if form_of(annotation):
             arrays[prefix + name] = value
         elif annotation in (Scene, tuple[Scene, ...]):
             scenes.extend([value] if annotation is Scene else value)
@@ -237,7 +197,7 @@ def _build(cls, prefix, parts, scenes, lengths):
     `lengths` the dict of the lengths of letters, which is added to.
     """
     values = {}
-    for name, annotation in _fields(cls):
+    for name, annotation in fields_of(cls):
         key, nested = prefix + name, _nested(annotation)
         if annotation is Scene and len(scenes) != 1:
             raise ValueError(f"scenes: got {len(scenes)}, accepted: 1")
@@ -259,7 +219,7 @@ def _check(name, value, annotation, lengths):
 
     `name` is for the message, and `lengths` the dict of the lengths of letters, which is added to.
     """
-    form = _form(annotation)
+    form = form_of(annotation)
     if form is None:
         kind = typing.get_origin(annotation) or annotation
         if isinstance(value, bool) != (kind is bool) or not isinstance(value, (int, float) if kind is float else kind):
@@ -274,15 +234,15 @@ def _check(name, value, annotation, lengths):
 
 
 def _fits(length, dim, lengths):
-    """Whether the `length` (int) of an axis of an array is as stated by the text `dim`, such as "2", "n" or "20k+1".
+    """Whether the length of an axis is as stated by a text such as "2", "side", "n" or "20k+1".
 
-    `lengths` is the dict of the lengths of letters; a letter's first length is kept there.
+    The first length of a letter or word is kept in the dict `lengths`.
     """
-    ((factor, letter, added),) = re.findall(r"^(\d*)([a-z]?)(\+1)?$", dim)
+    ((factor, name, added),) = re.findall(r"^(\d*)([a-z_]*)(\+1)?$", dim)
     length, factor = length - bool(added), int(factor or 1)
-    if not letter:
-        return length == factor
-    return length % factor == 0 and length >= 0 and lengths.setdefault(letter, length // factor) == length // factor
+    if not name or name in LABELS:
+        return length == len(LABELS.get(name, range(factor)))
+    return length % factor == 0 and length >= 0 and lengths.setdefault(name, length // factor) == length // factor
 
 
 @contextlib.contextmanager

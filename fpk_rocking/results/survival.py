@@ -7,7 +7,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.results.remarks import noise_text
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.scene.ranges import ascending_edges, joint_edges
 
 LEAST_OVERTURNING = 1e-6
@@ -22,6 +22,14 @@ class RowResult(Result):
 
     if TYPE_CHECKING:
         times: Any
+
+    row_dims = ("time",)
+
+    def places(self) -> dict[str, Any]:
+        """Places along the dimensions by name: "cycle" where the forcing repeats, "time" τ, and "time_s" in seconds."""
+        cycle = {} if self.cycles is None else {"cycle": ("time", np.arange(len(self.times)))}
+        seconds = {} if self.time_s is None else {"time_s": ("time", self.time_s)}
+        return cycle | {"time": self.times} | seconds
 
     @property
     def cycles(self) -> int | None:
@@ -176,36 +184,18 @@ class SurvivalResult(RowResult):
         rows = {"times": np.asarray(self.times).tolist()} if self.cycles is None else {"cycles": int(self.cycles)}
         return {"noise": noise_text(self.scene.noise)} | rows | super().summary()
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of survival, its interval if any, overturned, and binned probabilities.
+    def derived(self) -> dict[str, Any]:
+        """Probability in each of `bin_edges`, "bin_probability" (time, bin_angle, bin_velocity)."""
+        return {"bin_probability": ("time bin_angle bin_velocity", self._all_bins)}
 
-        A row of its table is a time.
-        """
-        edges, rows = self.bin_edges, len(self.times)
-        angle, velocity = (0.5 * (line[1:] + line[:-1]) for line in edges)
+    def _all_bins(self):
+        """Binned probabilities at all times, (times, angle bins, velocity bins)."""
+        return np.array([self.bin_probabilities(row, *self.bin_edges) for row in range(len(self.times))])
 
-        def bins():
-            """Return the binned probabilities, an array (times, angle bins, velocity bins)."""
-            return np.array([self.bin_probabilities(row, *edges) for row in range(rows)])
-
-        return Dataset(
-            {
-                "survival": ("time", self.survival),
-                **({} if self.interval is None else {"survival_interval": (("time", "limit"), self.interval)}),
-                "overturned": (("time", "side"), self.overturned),
-                "bin_probability": (("time", "bin_angle", "bin_velocity"), bins),
-            },
-            {
-                **({} if self.cycles is None else {"cycle": ("time", np.arange(rows))}),
-                "time": self.times,
-                **({} if self.time_s is None else {"time_s": ("time", self.time_s)}),
-                "side": ["left", "right"],
-                **({} if self.interval is None else {"limit": ["low", "high"]}),
-                "bin_angle": angle,
-                "bin_velocity": velocity,
-            },
-            rows=("time",),
-        )
+    def places(self) -> dict[str, Any]:
+        """Places along the dimensions by name: those of `RowResult`, and the middles of the bins."""
+        middles = (0.5 * (line[1:] + line[:-1]) for line in self.bin_edges)
+        return super().places() | dict(zip(("bin_angle", "bin_velocity"), middles, strict=True))
 
     def bin_probabilities(self, cycle: int, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
         """Return the probability of standing with angle and velocity in each of some bins.

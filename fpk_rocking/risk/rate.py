@@ -9,7 +9,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.results.pictures import figure_of
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.risk.hazard import (
     TAIL,
@@ -72,6 +72,8 @@ class Risk(Result):
     below_curve: float
     curve: IntensityCurve
     hazard: Hazard
+
+    row_dims = ("bin",)
 
     @property
     def return_period(self) -> float:
@@ -252,14 +254,14 @@ class Risk(Result):
             "exported_rate": self.exported_rate,
         }
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` of the disaggregation: "contribution" (b,), the share of the rate in each bin.
+    def places(self) -> dict[str, Any]:
+        """Numbers of the bins of intensity."""
+        return {"bin": np.arange(1, self.edges.size)}
 
-        A row is a bin, from the intensity "low" to "high", in the unit of the curve's intensity measure.
-        """
+    def derived(self) -> dict[str, Any]:
+        """Disaggregation: share of the rate in each bin, from the intensity "low" to "high"."""
         columns = {"low": self.edges[:-1], "high": self.edges[1:], "contribution": self.contribution}
-        places = {"bin": np.arange(1, self.edges.size)}
-        return Dataset({name: ("bin", values) for name, values in columns.items()}, places, ("bin",))
+        return {name: ("bin", values) for name, values in columns.items()}
 
     def plot(self) -> Any:
         """Draw the contributions to the rate, and the hazard; returns a matplotlib figure."""

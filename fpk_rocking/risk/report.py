@@ -250,7 +250,7 @@ def _points(curve):
         f"high{of_fit} (95 %)",
         "lognormal",
     )
-    columns = curve.dataset().table().values()
+    columns = curve.table().values()
     return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
 
 

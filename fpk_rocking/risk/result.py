@@ -2,6 +2,7 @@
 
 import dataclasses
 import datetime as dt
+import functools
 import importlib.metadata
 import json
 import math
@@ -14,7 +15,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.results.pictures import figure_of
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.export import NAMES, not_for_pelicun, to_nrml, to_pelicun
@@ -88,6 +89,8 @@ class Study(Result):
     added: int = 0
     moved: float = 0.0
     uncorrected: IntensityCurve | None = None
+
+    row_dims = ("motion",)
 
     @property
     def title(self) -> str:
@@ -242,21 +245,23 @@ class Study(Result):
         )
         return [f"{text}: {'; '.join(texts)}."]
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays), whose table has a row for each motion at its own scale.
-
-        Its columns are name, PGA and PGV, without noise those of `critical`, and the PGV before the baseline was
-        corrected.
-        Beside the table the curve, and the probability of each motion, over the intensity.
-        """
-        curve = self.curve.dataset()
+    @functools.cached_property
+    def _columns(self):
+        """Columns of the table by name: name, PGA, PGV, those of `critical`, and the PGV before it was corrected."""
         columns = self.critical.table() if self.critical else motion_table(self.recorded)
         if corrected(self.recorded):
             columns["pgv_as_recorded_m_per_s"] = np.array([_recorded_pgv(scene.forcing) for scene in self.recorded])
-        variables = {name: ("motion", values) for name, values in columns.items() if name != "motion"}
-        by_motion = {"probability_of_motion": (("motion", *curve.rows), self.records)}
-        places = {"motion": columns["motion"].tolist()} | curve.coordinates
-        return Dataset(variables | by_motion | curve.variables, places, ("motion",))
+        return columns
+
+    def places(self) -> dict[str, Any]:
+        """Names of the motions, and the intensities of the curve."""
+        return {"motion": self._columns["motion"].tolist()} | self.curve.places()
+
+    def derived(self) -> dict[str, Any]:
+        """Columns of each motion; beside the table the curve, and the probability of each motion over the intensity."""
+        columns = {name: ("motion", values) for name, values in self._columns.items() if name != "motion"}
+        by_motion = {"probability_of_motion": (("motion", *self.curve.row_dims), self.records)}
+        return columns | by_motion | self.curve.variables
 
     def summary(self) -> dict[str, Any]:
         """Return a dict for JSON: "risk", "curve", "fragility" and other parts as plain values, "trust", "remarks"."""

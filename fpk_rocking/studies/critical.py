@@ -15,8 +15,7 @@ from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.results.pictures import COLOURS, figure_of
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagnostics
-from fpk_rocking.results.result import Dataset, Result
-from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
@@ -58,7 +57,7 @@ LARGEST_FACTOR = 5.0
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class CriticalIntensities(Saved, Result):
+class CriticalIntensities(Result):
     """At which intensity each of m motions overturns a block, and what it does at its own scale.
 
     Parameters
@@ -106,6 +105,8 @@ class CriticalIntensities(Saved, Result):
     overturn_side: Annotated[Array, "i1 m"]
     options: dict[str, Any]
     wall_s: float
+
+    row_dims = ("motion",)
 
     @property
     def unit(self) -> str:
@@ -197,31 +198,31 @@ class CriticalIntensities(Saved, Result):
         """Return an `intensity` (float) with its measure and unit as a text."""
         return f"{self.measure} {intensity:.3g} {self.unit}".rstrip()
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays), whose table has a row for each motion.
+    def places(self) -> dict[str, Any]:
+        """Names of the motions, and numbers of the intensities at which outcomes change."""
+        return {"motion": self.names, "number": np.arange(1, self.jumps.shape[1] + 1)}
 
-        Its columns are own PGA, PGV and intensity, critical ones, and what the motion does at its own scale.
+    def derived(self) -> dict[str, Any]:
+        """Of each motion PGA, PGV and intensity as they are, critical ones, and what it does at its own scale.
+
         "overturns_at" are all intervals of overturning as a text. Seconds and m/s are nan without block dimensions.
         """
         peaks = motion_table(self.scenes)
-        return Dataset(
-            {
-                **{name: ("motion", peaks[name]) for name in ("pga_g", "pgv_m_per_s")},
-                "own_intensity": ("motion", self.own),
-                "critical_intensity": ("motion", self.critical),
-                "always_intensity": ("motion", self.always),
-                "equivalent_intensity": ("motion", self.equivalent),
-                "critical_scale": ("motion", self.factor),
-                "peak_rotation": ("motion", self.peak),
-                "overturn_time": ("motion", self.overturn_time),
-                "overturn_s": ("motion", seconds_of(self.scenes, self.overturn_time)),
-                "overturn_side": ("motion", side_names(self.overturn_side)),
-                "overturns_at": ("motion", np.array(list(map(intervals_text, self.jumps)), dtype=str)),
-                "jump": (("motion", "number"), self.jumps),
-            },
-            {"motion": self.names, "number": np.arange(1, self.jumps.shape[1] + 1)},
-            rows=("motion",),
-        )
+        columns = {
+            "pga_g": peaks["pga_g"],
+            "pgv_m_per_s": peaks["pgv_m_per_s"],
+            "own_intensity": self.own,
+            "critical_intensity": self.critical,
+            "always_intensity": self.always,
+            "equivalent_intensity": self.equivalent,
+            "critical_scale": self.factor,
+            "peak_rotation": self.peak,
+            "overturn_time": self.overturn_time,
+            "overturn_s": seconds_of(self.scenes, self.overturn_time),
+            "overturn_side": side_names(self.overturn_side),
+            "overturns_at": np.array(list(map(intervals_text, self.jumps)), dtype=str),
+        }
+        return {name: ("motion", values) for name, values in columns.items()} | {"jump": ("motion number", self.jumps)}
 
     def summary(self) -> dict[str, Any]:
         """Return a dict for JSON: metadata, columns and jumps of each motion, verdict and remarks."""

@@ -337,7 +337,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     many, still = len(result.place) > 1, result.deterministic
     motions = motion_lines(result.motion_table, result.measure, at_one=True) if result.axis == "scene" else ()
     sized = all(np.isfinite(measure.pga) or np.isfinite(measure.pgv) for measure in result.intensities)
-    places = result.dataset().coordinates[result.axis]
+    places = result.places()[result.axis]
     named = any(isinstance(place, str) for place in places)
     strength = (
         {"PGA, g": "pga_g", "PGV, m/s": "pgv_m_per_s"} if sized else {"p PGV / (g tan θ_cr)": "relative_velocity"}

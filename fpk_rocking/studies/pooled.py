@@ -12,7 +12,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, Number
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import baseline_remark
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.capacities import Capacities
@@ -233,16 +233,21 @@ class IntensityCurve(Result):
             | {"intensity": self.intensity, "sources": self.sources, "source_errors": self.source_errors}
         )
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of probability, its limits, and the lognormal fit, nan without one.
+    @property
+    def row_dims(self) -> tuple[str, ...]:
+        """A row of the table is an intensity, in its unit."""
+        return (self.measure + f"_{self.unit.replace('/', '_per_')}" * bool(self.unit),)
 
-        A row of its table is an intensity, in its unit.
-        """
-        dim = self.measure + f"_{self.unit.replace('/', '_per_')}" * bool(self.unit)
+    def places(self) -> dict[str, Any]:
+        """Intensities of the points."""
+        return {self.row_dims[0]: self.intensity}
+
+    def derived(self) -> dict[str, Any]:
+        """Probability, its limits, and the lognormal fit, nan without one."""
         fit = np.full(self.intensity.shape, math.nan) if self.fit.reason else self.fit(self.intensity)
         low, high = self.interval.T
         columns = {"probability": self.probability, "low": low, "high": high, "lognormal": fit}
-        return Dataset({name: (dim, values) for name, values in columns.items()}, {dim: self.intensity}, (dim,))
+        return {name: (self.row_dims, values) for name, values in columns.items()}
 
     def plot(self) -> Any:
         """Draw the curve with its limits; returns a matplotlib figure."""

@@ -25,8 +25,7 @@ import scipy
 from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results.pictures import COLOURS, figure_of, reliability_panel
-from fpk_rocking.results.result import Dataset, Result
-from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.studies.drawing import concentrated, distribution_of
 from fpk_rocking.studies.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
@@ -86,7 +85,7 @@ class Prediction(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Calibration(Saved, Result):
+class Calibration(Result):
     """What a block is, from the outcomes of n tests: a posterior on k draws of the block and nodes of the other values.
 
     Parameters
@@ -135,6 +134,8 @@ class Calibration(Saved, Result):
     spread: float
     overturning: float
     wall_s: float
+
+    row_dims = ("motion",)
 
     def counting(self, tests: ArrayLike, observed: ArrayLike | None = None) -> Self:
         """Return the calibration by some of the tests, or by other outcomes, from the same paths.
@@ -359,23 +360,14 @@ class Calibration(Saved, Result):
         texts = [f"{name.replace('_', ' ')} {row[0]:.3g}" for name, row in self.posterior.items() if name != "stray"]
         return f"{tests} tests, {over} overturned: {', '.join(texts)}"
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays): predicted probability with its limits, outcome, and whether it counted.
+    def places(self) -> dict[str, Any]:
+        """Names of the motions."""
+        return {"motion": self.motion}
 
-        A row of its table is a motion.
-        An outcome counts where the posterior takes the test into account.
-        """
-        return Dataset(
-            {
-                "probability": ("motion", self.predicted.probability),
-                "low": ("motion", self.predicted.low),
-                "high": ("motion", self.predicted.high),
-                "observed": ("motion", self.observed),
-                "counted": ("motion", self.counted),
-            },
-            {"motion": self.motion},
-            rows=("motion",),
-        )
+    def derived(self) -> dict[str, Any]:
+        """Predicted probability of each motion with its limits, the outcome, and whether the posterior counts it."""
+        columns = self.predicted._asdict() | {"observed": self.observed, "counted": self.counted}
+        return {name: ("motion", values) for name, values in columns.items()}
 
     def plot(self) -> Any:
         """Draw prior and posterior of the critical angle, and outcomes over probability; return a matplotlib figure."""

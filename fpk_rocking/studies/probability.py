@@ -13,9 +13,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, Progress
 from fpk_rocking.results.remarks import EXACT_PATH
-from fpk_rocking.results.result import Dataset
 from fpk_rocking.results.sampling import return_diagnostics, wilson_interval
-from fpk_rocking.results.storage import Saved
 from fpk_rocking.results.survival import RowResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, Diagnostic
 from fpk_rocking.scene.scene import Scene
@@ -154,7 +152,7 @@ def joined(first: Splitting | None, second: Splitting) -> Splitting:
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Probability(Saved, RowResult):
+class Probability(RowResult):
     """Probability of overturning with its error, after each cycle or at each of the times; see `probability`.
 
     Parameters
@@ -196,10 +194,10 @@ class Probability(Saved, RowResult):
 
     kind: ClassVar = "probability"
     scene: Scene
-    times: Annotated[Array, "f8 k+1"]
-    left: Annotated[Array, "f8 k+1"]
-    right: Annotated[Array, "f8 k+1"]
-    errors: Annotated[Array, "f8 k+1 3"]
+    times: Annotated[Array, "f8 time"]
+    left: Annotated[Array, "f8 time"]
+    right: Annotated[Array, "f8 time"]
+    errors: Annotated[Array, "f8 time 3"]
     method: str
     engine: str
     reason: str
@@ -280,22 +278,11 @@ class Probability(Saved, RowResult):
         small = "The probability is below its error: `rtol` asks for an error in parts of the probability."
         return (self.reason, *super().remarks, *[small] * (self.error > self.overturned))
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of survival and probability to the left and right, each with its error.
-
-        A row of its table is a time.
-        """
+    def derived(self) -> dict[str, Any]:
+        """Survival, and probability to the left and to the right, at each time, then the error of each."""
         names = "survival", "left", "right"
-        return Dataset(
-            {name: ("time", getattr(self, name)) for name in names}
-            | {f"{name}_error": ("time", self.errors[:, k]) for k, name in enumerate(names)},
-            {
-                **({} if self.cycles is None else {"cycle": ("time", np.arange(len(self.times)))}),
-                "time": self.times,
-                **({} if self.time_s is None else {"time_s": ("time", self.time_s)}),
-            },
-            rows=("time",),
-        )
+        values = {name: ("time", getattr(self, name)) for name in names}
+        return values | {f"{name}_error": ("time", self.errors[:, k]) for k, name in enumerate(names)}
 
     def summary(self) -> dict[str, Any]:
         """Return a dict for JSON: "overturned", "error" and "verdict", and all of `Result.summary`."""

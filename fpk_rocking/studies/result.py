@@ -9,9 +9,9 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.results.storage import Saved, plain
+from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import UNASKED, Diagnostic
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.critical import CriticalIntensities
@@ -23,7 +23,7 @@ from fpk_rocking.studies.suites import curve_diagnostics
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Fragility(Saved, Result):
+class Fragility(Result):
     """Fragility curves: the probability of overturning, or of reaching an angle, against the scale of the shaking.
 
     There are m curves, one for each scene, n scales and l levels, which are angles below that of overturning.
@@ -324,17 +324,22 @@ class Fragility(Saved, Result):
         measures = self.intensities[scene].at(fit.median)
         return text + f". At the median: {measures}" * bool(measures) + "."
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of probabilities with their limits, fits, levels and intensities.
+    @property
+    def row_dims(self) -> tuple[str, ...]:
+        """A row of the table is a scene, a scale and a level."""
+        return self.axis, "scale", "level"
 
-        A row of its table is a scene, a scale and a level.
-        The level of overturning is inf among the coordinates.
-        """
+    def places(self) -> dict[str, Any]:
+        """Names of the motions, or values of the parameter in which the scenes differ; scales; levels, first inf."""
+        place: Any = range(len(self.place)) if self.axis == "scene" else self.place
+        place = motion_names(self.scenes) if self._of_motions else place
+        return {self.axis: place, "scale": self.scale, "level": [np.inf, *self.level]}
+
+    def derived(self) -> dict[str, Any]:
+        """Probabilities with their limits and fits, angles of the levels, and intensities at each scale."""
         limits, dims, last = self.interval(), (self.axis, "level", "scale"), len(self.level)
         angles = [scene.overturning.angle for scene in self.scenes]
         degrees = [math.degrees(scene.block.critical_angle) or math.nan for scene in self.scenes]
-        place: Any = range(len(self.place)) if self.axis == "scene" else self.place
-        place = motion_names(self.scenes) if self._of_motions else place
         levels = np.array([[angle, *self.level] for angle in angles])
         fitted = [
             [np.full(len(self.scale), math.nan) if fit.reason else fit(self.scale) for fit in fits]
@@ -344,24 +349,20 @@ class Fragility(Saved, Result):
         for key, reason in self.reasons.items():
             reasons[tuple(map(int, key.split(",")))] = reason
         measures = [[measure.columns(scale) for scale in self.scale] for measure in self.intensities]
-        return Dataset(
-            {
-                "event_angle": ((self.axis, "level"), levels),
-                "level_deg": ((self.axis, "level"), levels * np.array(degrees)[:, None]),
-                "event": ("level", np.array(["overturned", *["reached"] * last])),
-                "probability": (dims, self.probability),
-                "low": (dims, limits[..., 0]),
-                "high": (dims, limits[..., 1]),
-                "lognormal": (dims, np.array(fitted)),
-                **{
-                    name: ((self.axis, "scale"), np.array([[at[name] for at in row] for row in measures]))
-                    for name in measures[0][0]
-                },
-                "reason": (dims, reasons.astype(str)),
+        return {
+            "event_angle": (dims[:2], levels),
+            "level_deg": (dims[:2], levels * np.array(degrees)[:, None]),
+            "event": ("level", np.array(["overturned", *["reached"] * last])),
+            "probability": (dims, self.probability),
+            "low": (dims, limits[..., 0]),
+            "high": (dims, limits[..., 1]),
+            "lognormal": (dims, np.array(fitted)),
+            **{
+                name: ((self.axis, "scale"), np.array([[at[name] for at in row] for row in measures]))
+                for name in measures[0][0]
             },
-            {self.axis: place, "scale": self.scale, "level": [np.inf, *self.level]},
-            rows=(self.axis, "scale", "level"),
-        )
+            "reason": (dims, reasons.astype(str)),
+        }
 
     def table(self) -> dict[str, Array]:
         """Return the table's columns by name; its "level" of overturning is the angle at which a block overturns."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Progress
-from fpk_rocking.results.result import Dataset, Result
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import write_csv
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, VERDICTS, Diagnostic
 from fpk_rocking.scene.scene import Scene
@@ -159,10 +159,18 @@ class Sweep(Result):
         """Return the columns of `to_csv` but the seeds, arrays (scenes,) by name; nan where a row has no such value."""
         return {name: np.array(values) for name, values in self._table(np.nan).items() if name != "seed"}
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` of all numbers among the values: arrays over the grid's axes, or a list's scenes."""
-        dims, places = tuple(self.axes) or ("cell",), {name: np.array(values) for name, values in self.axes.items()}
-        return Dataset({name: (dims, self.values(name)) for name in self._numbers()}, places, rows=dims)
+    @property
+    def row_dims(self) -> tuple[str, ...]:
+        """Names of the grid's axes; "cell" of a list of scenes."""
+        return tuple(self.axes) or ("cell",)
+
+    def derived(self) -> dict[str, Any]:
+        """All numbers among the values: arrays over the grid's axes, or a list's scenes."""
+        return {name: (self.row_dims, self.values(name)) for name in self._numbers()}
+
+    def places(self) -> dict[str, Any]:
+        """Values of the grid's axes by name; none of a list of scenes."""
+        return {name: np.array(values) for name, values in self.axes.items()}
 
     def _numbers(self):
         """Return a list of the names of the values that are numbers, or lists of numbers."""

@@ -328,6 +328,12 @@ class Sample(SurvivalResult):
         """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
         return self.overturned_counts / self.realizations
 
+    def derived(self) -> dict[str, Any]:
+        """Survival with its 95 % interval, if it has one, and overturned, besides the bins."""
+        interval = {} if self.interval is None else {"survival_interval": ("time limit", self.interval)}
+        own = {"survival": ("time", self.survival), **interval, "overturned": ("time side", self.overturned)}
+        return own | super().derived()
+
     def survival_interval(self, level: float = 0.95) -> Array:
         """Wilson's confidence limits of survival, (cycles + 1, 2); survival itself where nothing is random.
 

@@ -9,15 +9,14 @@ import numpy as np
 from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
-from fpk_rocking.results.result import Dataset, Result
-from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import Sample
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Ensemble(Saved, Sample):
+class Ensemble(Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
     Column k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no
@@ -60,11 +59,11 @@ class Ensemble(Saved, Sample):
     seed: int
     steps_per_cycle: int
     wall_s: float
-    times: Annotated[Array, "f8 k+1"]
-    angle: Annotated[Array, "f8 n k+1"]
-    velocity: Annotated[Array, "f8 n k+1"]
-    overturn_time: Annotated[Array, "f8 n"]
-    overturn_side: Annotated[Array, "i1 n"]
+    times: Annotated[Array, "f8 time"]
+    angle: Annotated[Array, "f8 realization time"]
+    velocity: Annotated[Array, "f8 realization time"]
+    overturn_time: Annotated[Array, "f8 realization"]
+    overturn_side: Annotated[Array, "i1 realization"]
     returns: Annotated[Array, "i8 2"]
 
     @property
@@ -95,20 +94,9 @@ class Ensemble(Saved, Sample):
         points = self.angle[standing, row], self.velocity[standing, row]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations
 
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of a `Sample`, with states and overturnings of every realization."""
-        dataset = super().dataset()
-        dataset.variables.update(
-            angle=(("realization", "time"), self.angle),
-            velocity=(("realization", "time"), self.velocity),
-            overturn_time=("realization", self.overturn_time),
-            overturn_side=("realization", self.overturn_side),
-        )
-        return dataset
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Histories(Saved, Result):
+class Histories(Result):
     """Time histories of independent realizations, with every impact; all quantities are nondimensional.
 
     There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
@@ -152,14 +140,17 @@ class Histories(Saved, Result):
     steps_per_cycle: int
     samples_per_cycle: int
     wall_s: float
-    time: Annotated[Array, "f8 k"]
-    angle: Annotated[Array, "f8 n k"]
-    velocity: Annotated[Array, "f8 n k"]
-    overturn_time: Annotated[Array, "f8 n"]
-    overturn_side: Annotated[Array, "i1 n"]
-    impact_realization: Annotated[Array, "i8 i"]
-    impact_time: Annotated[Array, "f8 i"]
-    impact_velocity: Annotated[Array, "f8 i"]
+    time: Annotated[Array, "f8 time"]
+    angle: Annotated[Array, "f8 realization time"]
+    velocity: Annotated[Array, "f8 realization time"]
+    overturn_time: Annotated[Array, "f8 realization"]
+    overturn_side: Annotated[Array, "i1 realization"]
+    impact_realization: Annotated[Array, "i8 impact"]
+    impact_time: Annotated[Array, "f8 impact"]
+    impact_velocity: Annotated[Array, "f8 impact"]
+
+    row_dims = ("realization", "time")
+    more_metadata = ("realizations",)
 
     @property
     def realizations(self) -> int:
@@ -186,37 +177,12 @@ class Histories(Saved, Result):
         return EXACT_PATH if self.scene.deterministic else "These are single paths: nothing is estimated from them."
 
     @property
-    def metadata(self) -> dict[str, Any]:
-        """Plain values by name: method, seed, steps and samples in a cycle, realizations, and seconds."""
-        return super().metadata | {"realizations": self.realizations}
-
-    @property
     def title(self) -> str:
         """Number of paths, of those overturned and of impacts, as a line of text."""
         ended = np.count_nonzero(self.overturn_side)
         return (
             f"{self.realizations:,} path{'s' * (self.realizations != 1)} by Monte Carlo {self.method} until "
             f"τ = {self.time[-1]:.4g}, {ended:,} overturned, {self.impact_time.size:,} impacts"
-        )
-
-    def dataset(self) -> Dataset:
-        """Return the `Dataset` (named arrays) of states, overturnings and impacts.
-
-        A row of its table is the state of a realization at a time.
-        The impacts are arrays of their own, beside the table.
-        """
-        return Dataset(
-            {
-                "angle": (("realization", "time"), self.angle),
-                "velocity": (("realization", "time"), self.velocity),
-                "overturn_time": ("realization", self.overturn_time),
-                "overturn_side": ("realization", self.overturn_side),
-                "impact_realization": ("impact", self.impact_realization),
-                "impact_time": ("impact", self.impact_time),
-                "impact_velocity": ("impact", self.impact_velocity),
-            },
-            {"realization": np.arange(self.realizations), "time": self.time},
-            rows=("realization", "time"),
         )
 
     def plot(self, realizations: int = 3) -> Any:

@@ -9,13 +9,12 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
-from fpk_rocking.results.storage import Saved
 from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import PARTS, Counts, Sample, moments
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Tally(Saved, Sample):
+class Tally(Sample):
     """Counts over independent realizations of a scene; all quantities are nondimensional.
 
     Parameters

@@ -14,7 +14,6 @@ from scipy.special import ndtr, ndtri
 
 from fpk_rocking import Scene
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.results.storage import Saved
 from montecarlo.results.ensemble import Sample
 
 KEPT = 0.9
@@ -122,7 +121,7 @@ class FakeEvolution(Evolution):
 
 
 @dataclasses.dataclass(frozen=True)
-class FakeEnsemble(Saved, Sample):
+class FakeEnsemble(Sample):
     kind: ClassVar = "ensemble"
     scene: Scene
     cycles: int = 10

@@ -373,9 +373,9 @@ def test_it_shows_itself_with_a_verdict(operator, mean):
     assert operator.trust.reasons == (UNCHECKED,)
     assert len(operator._repr_html_()) < 150_000
     assert operator.table()["modulus"][0] == pytest.approx(np.exp(-operator.escape_rate), rel=1e-9)
-    variables, places, _ = operator.dataset()
+    variables, places = operator.variables, operator.coordinates
     dims, bins = variables["bin_probability"]
-    assert bins.shape == tuple(places[name].size for name in dims)
+    assert bins.shape == tuple(places[name][1].size for name in dims)
     assert bins.sum() == pytest.approx(1.0, abs=2e-3)
     assert repr(mean).startswith(f"<PlaneMap: integral {mean.integral:.4g} on ")
     assert len(mean.plot().axes) == 2

@@ -65,15 +65,14 @@ def test_columns_are_the_arrays(name):
 @pytest.mark.parametrize("name", KINDS)
 def test_datasets_and_data_frames_are_the_arrays(name):
     result, columns, variables, places = kind(name)
-    arrays, coordinates, _ = result.dataset()
+    arrays, coordinates = result.variables, result.coordinates
     assert (arrays.keys(), coordinates.keys()) == (variables.keys(), places.keys())
     for variable, (dims, values) in variables.items():
         dimensions, array = arrays[variable]
-        assert ((dimensions,) if isinstance(dimensions, str) else tuple(dimensions)) == dims, variable
+        assert dimensions == dims, variable
         equal(array() if callable(array) else array, values, variable)
     for place, values in places.items():
-        coordinate = coordinates[place]
-        equal(coordinate[1] if isinstance(coordinate, tuple) else coordinate, values, place)
+        equal(coordinates[place][1], values, place)
     pytest.importorskip("xarray")
     data = result.to_xarray()
     assert data.attrs["trust"] == result.trust.verdict

@@ -143,7 +143,7 @@ def test_a_tally_is_shown_in_the_bins_that_it_kept(kinds):
     edges = np.array([-1.6, -0.7, 0.0, 0.4, 1.6]), np.array([-4.0, 0.0, 1.0, 4.0])
     own = tally(MAIN, cycles=2, realizations=400, method="rk4", angle_edges=edges[0], velocity_edges=edges[1])
     assert all(np.array_equal(*pair) for pair in zip(own.bin_edges, edges, strict=True))
-    assert own.dataset().variables["bin_probability"][1]().sum(axis=(1, 2)) == pytest.approx(own.survival)
+    assert own.variables["bin_probability"][1]().sum(axis=(1, 2)) == pytest.approx(own.survival)
     assert own.plot("bins").axes[0].get_xlim() == (-1.6, 1.6)
     assert all(np.array_equal(*pair) for pair in zip(kinds["tally"].bin_edges, joint_edges(MAIN), strict=True))
 

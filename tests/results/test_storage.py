@@ -13,7 +13,7 @@ import pytest
 from fpk_rocking import Block, Dimensions, Harmonic, NoNoise, Scene
 from fpk_rocking.base.checks import Array
 from fpk_rocking.results import storage
-from fpk_rocking.results.storage import Saved
+from fpk_rocking.results.result import Result
 
 SCENE = Scene(Block(1 / 3, Dimensions(0.4, 1.7)), Harmonic(4.6, 2.7, math.pi), NoNoise())
 
@@ -26,7 +26,7 @@ class Part(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Things(Saved):
+class Things(Result):
     """Fields of every sort."""
 
     kind: ClassVar = "ensemble"

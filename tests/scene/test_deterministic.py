@@ -113,7 +113,7 @@ def test_no_output_has_an_interval(run, tmp_path, capsys):
     assert values["outcome"] == path.metadata["outcome"]
     assert not {"interval", "half_width"} & values.keys()
     assert not [name for name in path.table() if name.endswith(("low", "high"))]
-    assert "survival_interval" not in path.dataset().variables
+    assert "survival_interval" not in path.variables
     tables.show(*tables.result_table(path))
     assert "95 %" not in capsys.readouterr().out
     assert path.title == f"Monte Carlo exact, one path, {path.metadata['outcome']}"
