@@ -21,6 +21,7 @@ import re
 import threading
 
 import numba
+import numpy as np
 from numba.extending import typeof_impl
 
 try:
@@ -28,7 +29,7 @@ try:
 except ImportError:  # not a POSIX system: processes that compile at the same time are on their own
     fcntl = None
 
-_setting = threading.Lock()
+_compiling = threading.Lock()
 _ROOT = pathlib.Path(__file__).resolve().parents[2]
 _IMPORT = re.compile(r"^ *from ((?:fpk_rocking|montecarlo)[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
@@ -80,27 +81,20 @@ def cache_folder(path: pathlib.Path) -> pathlib.Path:
 def kernel(function=None, *, file=None, **options):
     """Compile a function to machine code on first call; the code is kept on disk between runs.
 
-    Parameters
-    ----------
-    function : callable
-        A function in the subset of Python that numba compiles.
-    file : path, optional
-        Source file that decides, with those that it imports, whether what is on disk is still right; by default that of
-        the function. A function that is made for a module has its text elsewhere.
-    **options
-        Passed to `numba.njit`, e.g. ``fastmath={"contract"}``, ``inline="always"``.
-
-    Returns
-    -------
-    callable
-        The compiled function. It releases the interpreter lock while it runs; division by zero gives inf or nan as in
-        numpy, never an exception.
+    `file` is the source file that decides, with those that it imports, whether what is on disk is still right: by
+    default that of the function, but a function that is made for a module has its text elsewhere. `options` go to
+    `numba.njit`. The compiled function releases the interpreter lock while it runs; division by zero gives inf or nan
+    as in numpy, never an exception.
     """
     if function is None:
         return functools.partial(kernel, file=file, **options)
-    compiled = Kernel(function, pathlib.Path(file or function.__code__.co_filename).resolve(), options)
+    # What is not set here numba takes from whichever kernel happens to call this one first in a process.
+    # No C function of it is asked for, and to make one takes a fifteenth of the time.
+    options = {"error_model": "numpy", "fastmath": False, "nogil": True, "no_cfunc_wrapper": True} | options
     # What numba puts in line as text it has to see as its own; no other kernel calls machine code of it.
-    return compiled.for_python if options.get("inline") == "always" else compiled
+    if options.get("inline") == "always":
+        return numba.njit(**options)(function)
+    return Kernel(function, pathlib.Path(file or function.__code__.co_filename).resolve(), options)
 
 
 class Kernel:
@@ -108,82 +102,67 @@ class Kernel:
 
     Most kernels are called by others alone. Their machine code becomes a part of the caller's. So it is neither kept on
     disk nor made callable from Python: the wrappers alone took 15 to 18 % of the time of a first answer.
-
-    Attributes
-    ----------
-    py_func : callable
-        The function.
     """
 
     def __init__(self, function, file, options):
         functools.update_wrapper(self, function)
-        self.py_func, self._file = function, file
-        # What is not set here numba takes from whichever kernel happens to call this one first in a process.
-        # No C function of it is asked for, and to make one takes a fifteenth of the time.
-        usual = {"error_model": "numpy", "fastmath": False, "nogil": True, "no_cfunc_wrapper": True}
-        self._options = usual | options
+        self.py_func, self._file, self._options = function, file, options
+        self._for_kinds = {}
+        self.for_types = {}
+        """What numba made of the function for calls from Python, by the tuple of numba types of the arguments."""
 
-    def __call__(self, *arguments, **named):
-        """Call the compiled function from Python; return what it returns."""
-        return self.for_python(*arguments, **named)
-
-    @functools.cached_property
-    def for_python(self):
-        """Numba's dispatcher of the function for calls from Python, which caches on disk."""
-        compiled = numba.njit(**self._options)(self.py_func)
-        compiled.compile = _compile_in_turn(compiled, self._file)
-        return compiled
+    def __call__(self, *arguments):
+        """Call the compiled function from Python."""
+        missing = self.py_func.__code__.co_argcount - len(arguments)
+        if missing:
+            arguments += (self.py_func.__defaults__ or ())[-missing:]
+        kinds = tuple(map(_kind, arguments))
+        if kinds not in self._for_kinds:
+            self._for_kinds[kinds] = self._compiled(tuple(map(numba.typeof, arguments)))
+        return self._for_kinds[kinds](*arguments)
 
     @functools.cached_property
     def for_kernels(self):
-        """Numba's dispatcher of the function for calls from other kernels, which Python cannot call."""
+        """What numba makes of the function for calls from other kernels, which Python cannot call."""
         return numba.njit(**self._options, no_cpython_wrapper=True)(self.py_func)
 
+    def _compiled(self, types):
+        """Return the function compiled for numba types, by one thread of one process at a time.
 
-@typeof_impl.register(Kernel)
-def _type_in_kernels(compiled, context):
-    """Return the numba type of a `Kernel` in the text of another one; `context` is that of numba's `typeof`."""
-    return typeof_impl(compiled.for_kernels, context)
-
-
-def _compile_in_turn(compiled, file):
-    """Return the `compile` of a kernel, which caches it on disk, for one process at a time.
-
-    `compiled` is numba's dispatcher of the kernel, and `file` the path of the kernel's source. The second process finds
-    what the first has made. Numba's cache does not survive two that write to it at once (its issue 4807).
-    """
-    compile_for, cached = compiled.compile, []
-
-    def compile_in_turn(signature):
-        """Compile for a signature while no other process does so; return what numba's own `compile` returns."""
-        with contextlib.ExitStack() as stack:
-            folder = cache_folder(file)
+        The second process finds what the first has made. Numba's cache does not survive two that write to it at once
+        (its issue 4807).
+        """
+        with _compiling, contextlib.ExitStack() as stack:
+            if types in self.for_types:
+                return self.for_types[types]
+            folder, kept = cache_folder(self._file), False
             # Where the folder cannot be written to, nothing is kept there, and there is nothing to guard.
             with contextlib.suppress(OSError):
                 folder.mkdir(parents=True, exist_ok=True)
-                lock = stack.enter_context((folder / f"{compiled.py_func.__qualname__}.lock").open("a"))
+                lock = stack.enter_context((folder / f"{self.py_func.__qualname__}.lock").open("a"))
                 if fcntl:
                     fcntl.flock(lock, fcntl.LOCK_EX)
-                if not cached:
-                    _enable_cache(compiled, folder)
-                    cached.append(folder)
+                stack.callback(setattr, numba.config, "CACHE_DIR", numba.config.CACHE_DIR)
+                numba.config.CACHE_DIR, kept = str(folder), True
             # The collector goes through all that the compiler holds, again and again, and finds little.
             if gc.isenabled():
                 stack.callback(gc.enable)
                 gc.disable()
-            return compile_for(signature)
+            self.for_types[types] = numba.njit(types, cache=kept, **self._options)(self.py_func)
+            return self.for_types[types]
 
-    return compile_in_turn
+
+def _kind(value):
+    """Return what decides the numba type of an argument, many times as fast as `numba.typeof`."""
+    if isinstance(value, np.ndarray):
+        return value.dtype, value.ndim, value.flags.num
+    return (type(value), *map(_kind, value)) if isinstance(value, tuple) else type(value)
 
 
-def _enable_cache(compiled, folder):
-    """Let numba keep the machine code of a kernel, `compiled` (numba's dispatcher), in a folder (path)."""
-    with _setting:
-        previous, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(folder)
-        try:
-            compiled.enable_caching()
-        finally:
-            numba.config.CACHE_DIR = previous
+@typeof_impl.register(Kernel)
+def _type_in_kernels(compiled, context):
+    """Return the numba type of a `Kernel` in the text of another one."""
+    return typeof_impl(compiled.for_kernels, context)
 
 
 _most = contextvars.ContextVar[int]("most threads")

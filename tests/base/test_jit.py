@@ -21,7 +21,10 @@ def probe(speed):
     return chatter_time(speed, 1, 0.0, KernelBlock(0.0, 1.5, None, None))
 """
 
-RUN = "from fpk_rocking.physics.probe import probe; print(probe(0.25), sum(probe.for_python.stats.cache_hits.values()))"
+RUN = """
+from fpk_rocking.physics.probe import probe
+print(probe(0.25), *(sum(made.stats.cache_hits.values()) for made in probe.for_types.values()))
+"""
 
 
 @pytest.fixture

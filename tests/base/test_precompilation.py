@@ -218,7 +218,8 @@ from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.impact import chatter_time
 precompilation.TASKS["fpk_rocking.physics.motion.impact:chatter_time"] = 7
 precompilation.start_helpers("fpk_rocking.physics.motion.impact:chatter_time")
-print(chatter_time(0.25, 1, 0.0, KernelBlock(0.0, 1.5)), sum(chatter_time.for_python.stats.cache_misses.values()))
+answer = chatter_time(0.25, 1, 0.0, KernelBlock(0.0, 1.5))
+print(answer, *(sum(made.stats.cache_misses.values()) for made in chatter_time.for_types.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     where = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}

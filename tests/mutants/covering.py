@@ -76,10 +76,12 @@ def _called(code, scope, kernels, compiled):
         elif isinstance(value, types.FunctionType):
             candidates = [cell.cell_contents for cell in value.__closure__ or ()]
         yield from (
-            candidate
-            for candidate in candidates
-            if _is_kernel(candidate) and (compiled or getattr(candidate, "for_python", candidate).overloads)
+            candidate for candidate in candidates if _is_kernel(candidate) and (compiled or _is_compiled(candidate))
         )
+
+
+def _is_compiled(kernel):
+    return kernel.for_types if hasattr(kernel, "for_types") else kernel.overloads
 
 
 def _is_kernel(value):
