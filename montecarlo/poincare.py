@@ -16,7 +16,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.physics.noise.envelope import refuse_envelope
+from fpk_rocking.physics.noise.kinds import refuse_envelope
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.batches import checked_run, refuse_large, simulate_batches

@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, Progress
 from fpk_rocking.base.jit import thread_count
 from fpk_rocking.physics.forcing import refuse_transient
-from fpk_rocking.physics.noise.envelope import refuse_envelope
+from fpk_rocking.physics.noise.kinds import refuse_envelope
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.scene.scene import Scene

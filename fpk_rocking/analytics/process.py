@@ -20,9 +20,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
 from fpk_rocking.physics.motion.separatrix import kernel_halves, separatrix_orbit, separatrix_speed
-from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import noise_variance
-from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
+from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise, refuse_envelope
 
 
 def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[Number, Number]:

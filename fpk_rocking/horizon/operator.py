@@ -16,8 +16,8 @@ from fpk_rocking.density.space import Space
 from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator
 from fpk_rocking.horizon.modes import SurvivalEstimate
 from fpk_rocking.physics.forcing import periodic, refuse_transient
-from fpk_rocking.physics.noise.envelope import refuse_envelope
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
+from fpk_rocking.physics.noise.kinds import refuse_envelope
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.result import Result

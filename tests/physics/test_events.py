@@ -14,7 +14,7 @@ from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import KernelBlock, least_closing_time, segment_from_particular
 from fpk_rocking.physics.motion.events import Event, advance_through_events, next_event
-from fpk_rocking.physics.motion.flight import SERIES, _expand, flight_covariance, flight_end
+from fpk_rocking.physics.motion.flight import SERIES, flight_covariance, flight_end, flight_series
 
 CUTOFF = math.pi / 2
 
@@ -59,7 +59,7 @@ def test_the_series_of_an_exact_flight_solve_its_equation_and_keep_to_the_circle
     """(sin φ)² + (cos φ)² = 1, (sin φ)' = φ' cos φ and u'' = s f cos φ - sin φ/α, by products of series."""
     work, alpha, orders = np.zeros(SERIES), 0.7, np.arange(TERMS)
     force = np.random.default_rng(6).normal(size=TERMS) / 2.0**orders
-    assert _expand.py_func(0.4, 0.9, -1, force, 0.1, 9.0, KernelBlock(0.8, 1.5, alpha), work) > 0.1
+    assert flight_series.py_func(0.4, 0.9, -1, force, 0.1, 9.0, KernelBlock(0.8, 1.5, alpha), work) > 0.1
     angle, sine, cosine, push = (Polynomial(row) for row in work)
 
     def low(series):

@@ -128,7 +128,7 @@ class Forcing(abc.ABC):
 
     @abc.abstractmethod
     def stage_values(self, spacing: float, count: int) -> Array:
-        """Force f (count, 3) at begin, middle and end of each interval of a uniform grid from τ = 0 on."""
+        """Force f (count, 3) at start, middle and end of each interval of a uniform grid from τ = 0 on."""
 
     @abc.abstractmethod
     def since_lift_off(self, time: float) -> tuple[float, float]:

@@ -200,7 +200,7 @@ def _columns(text):
     ]
     rows = [(number, _entries(line)) for number, line in lines]
     names, units = [], ""
-    if rows and not any(_is_number(entry) for entry in rows[0][1]):
+    if rows and all(math.isnan(_number(entry)) for entry in rows[0][1]):
         names, rows = _names(lines[0][1]), rows[1:]
     _check_count(len(rows))
     places = _places(names)
@@ -249,10 +249,6 @@ def _entries(line):
     return line.replace(",", " ").split()
 
 
-def _is_number(word):
-    return not math.isnan(_number(word))
-
-
 def _interval(times, words, lines):
     """Interval of times (n,), seconds; ValueError, with the number of the line, where they are not equally spaced."""
     steps = np.diff(times)
@@ -273,16 +269,14 @@ def _interval(times, words, lines):
             f"(line {lines[place + 1]})"
         )
     # Where each step is usual, the sum of what they are off is not.
-    place, expected = (place, times[place] + usual) if np.ptp(steps) > 0.04 * usual else _latest(times, late)
+    if np.ptp(steps) > 0.04 * usual:
+        expected = times[place] + usual
+    else:
+        place = int(np.argmax(np.abs(late))) - 1
+        expected = times[place + 1] - late[place + 1]
     raise ValueError(
         f"got the time {times[place + 1]:g} for {expected:g}, accepted: equally spaced times (line {lines[place + 1]})"
     )
-
-
-def _latest(times, late):
-    """Place before the time furthest off equal spacing, and what that time should be."""
-    place = int(np.argmax(np.abs(late)))
-    return place - 1, times[place] - late[place]
 
 
 def _rounded_interval(times, words):

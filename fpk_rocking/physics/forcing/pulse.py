@@ -173,17 +173,11 @@ class Chirp(TransientForcing):
     Parameters
     ----------
     amplitude : float
-        Amplitude A, nondimensional, at least 0. Where the sine is positive the base accelerates towards negative
-        angles.
+        A, nondimensional, at least 0. Where the sine is positive the base accelerates towards negative angles.
     start_frequency, end_frequency : float
         Angular frequencies Ω₀ and Ω₁, nondimensional, above 0.
     duration : float
         d, nondimensional, above 0; at most 10,000 cycles may fall in it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A value is refused.
 
     Examples
     --------

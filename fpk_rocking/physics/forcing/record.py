@@ -36,16 +36,15 @@ class Record(TransientForcing):
         Unit of the samples; g is 9.80665 m/s². Other spellings, such as "m/s^2" and "gal", become one of these.
     scale : float
         Factor of the samples.
-    source : str
-        Where the record is from, such as the name of a file. It does not count when records are compared.
+    source, event : str
+        Name of the file, and event, date and station as far as it says them. They do not count when records are
+        compared.
     baseline : {"none", "mean", "linear", "high-pass"}
         What is removed from the samples before they act: nothing; their mean; their line of least squares; or that line
         and what lies below the corner of a filter. `corrected_samples` are what is left.
     corner_hz : float
         Corner of "high-pass", Hz: Butterworth's filter of order 2 forwards and backwards, so that the amplitude at f is
         multiplied by 1 / (1 + (corner / f)^4), over samples padded with 6 / corner seconds of zeros on either side.
-    event : str
-        Event, date and station as far as a file says them. It does not count when records are compared.
 
     Examples
     --------
@@ -105,22 +104,14 @@ class Record(TransientForcing):
             seconds NPTS, DT``; a file of the ESM database (.ASC); or a text of two columns, time in seconds and
             acceleration, parted by commas, semicolons, tabs or blanks. A first line of names may say the unit, as in
             ``acc_g`` or ``Acceleration (cm/s2)``, and of several columns which are time and acceleration; lines that
-            begin with # are comments. Times may be rounded. Other formats, such as MiniSEED and SAC, are read by
-            ObsPy where it is installed: ``pip install "fpk-rocking[obspy]"``.
+            begin with # are comments. Times may be rounded. Other formats, such as MiniSEED and SAC, are read by ObsPy
+            where it is installed: ``pip install "fpk-rocking[obspy]"``.
         units : str, optional
-            Unit of the accelerations, see `Record`. Required where the file does not say it.
-        scale : float
-            Factor of the samples.
-        baseline : str
-            Correction of the baseline, see `Record`.
-        corner_hz : float
-            Corner of the correction "high-pass", Hz.
+            Unit of the accelerations. Required where the file does not say it.
+        scale, baseline, corner_hz
+            See `Record`.
         units_if_unstated : str, optional
             In place of ``units``: the unit where the file does not say it; another one that it says stands.
-
-        Returns
-        -------
-        Record
 
         Raises
         ------

@@ -78,14 +78,13 @@ class Drift(NamedTuple):
 
     Parameters
     ----------
-    pgv, pga : float
-        Peak velocity, m/s, and acceleration, m/s², of the samples as they are; the velocity is their integral from 0.
-    end_velocity : float
-        Velocity at the last sample, m/s.
+    pgv, pga, end_velocity : float
+        Peak velocity, m/s, and acceleration, m/s², of the samples as they are, and the velocity at the last one, m/s;
+        the velocity is their integral from 0.
     removed_velocity : float
         Largest velocity that the correction removes, m/s.
     corrected_pgv, corrected_pga : float
-        The same of the corrected samples.
+        Peaks of the corrected samples.
     offset, slope : float
         Line of least squares through the samples: at the middle of the record, m/s², and its slope, m/s³.
 

@@ -245,7 +245,7 @@ def _expand(u, w, span, bend, scratch, angle):
 
 
 @kernel(forceinline=True)
-def _without_begin(angle, quotient):
+def divide_by_time_since_start(angle, quotient):
     """Write to `quotient` (TERMS,) the polynomial `angle`, which is 0 at t = -1, divided by t + 1."""
     value = 0.0
     for k in range(TERMS - 1, 0, -1):
@@ -255,7 +255,7 @@ def _without_begin(angle, quotient):
 
 
 @kernel(forceinline=True)
-def _leaves(u, w, angle, last, fall, block):
+def surely_rises(u, w, angle, last, fall, block):
     """Whether a flight from x = 0 surely rises: its acceleration does, from 0 or more, but for 1e-9.
 
     `angle` are coefficients by `_expand`, `last` is u at the end, `fall` half of the bound of -u''.
@@ -305,10 +305,12 @@ def _event(u, w, last, angle, quotient, block):
     """
     fall, rise = curvature_bounds(angle, _BEND)
     if last > 0.0:
-        sure = chord_excludes_event(u, last, 4.0, rise, fall, block.cutoff) or _leaves(u, w, angle, last, fall, block)
+        sure = chord_excludes_event(u, last, 4.0, rise, fall, block.cutoff) or surely_rises(
+            u, w, angle, last, fall, block
+        )
         return (Event.NONE if sure else Event.UNKNOWN), 1.0
     if u == 0.0:
-        _without_begin(angle, quotient)
+        divide_by_time_since_start(angle, quotient)
         place, slope = downward_root(quotient, 1.0)
     else:
         place, slope = downward_root(angle, 1.0)

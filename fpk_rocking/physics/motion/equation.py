@@ -63,6 +63,7 @@ class KernelBlock(NamedTuple):
 
 
 def block_of_scene(scene: Any) -> KernelBlock:
+    """Block and overturning angle of a scene."""
     block, cutoff = scene.block, scene.overturning.angle
     if block.symmetric:
         return KernelBlock(block.restitution, cutoff, block.critical_angle or None)
@@ -86,13 +87,12 @@ def _dispatch(field: str, without: Callable[..., Any], with_it: Callable[..., An
 
 
 dispatch_on_block = functools.partial(_dispatch, "critical_angle")
-"""Of the forms for a slender and for an exact block; in a compiled kernel the block's type decides."""
+"""One function of the kernels for a slender and for an exact block; in a compiled kernel the block's type decides."""
 dispatch_on_sides = functools.partial(_dispatch, "sides")
-"""Of the forms for a symmetric block and for one of unequal sides."""
+"""One function of the kernels for a symmetric block and for one of unequal sides."""
 
 
-# Arguments that one of two forms does not use are there for the other.
-# ruff: noqa: ARG001
+# Arguments with an underscore are there for the other form.
 
 
 @kernel(forceinline=True)
@@ -102,7 +102,7 @@ def _of_side(pair, side):
 
 
 @kernel(inline="always")
-def _equal_saddle(side, block):
+def _equal_saddle(_side, _block):
     return 1.0
 
 
@@ -112,7 +112,7 @@ def _unequal_saddle(side, block):
 
 
 @kernel(inline="always")
-def _equal_scale(side, block):
+def _equal_scale(_side, _block):
     return 1.0
 
 
@@ -122,7 +122,7 @@ def _unequal_scale(side, block):
 
 
 @kernel(inline="always")
-def _equal_restitution(side, block):
+def _equal_restitution(_side, block):
     return block.restitution
 
 
@@ -132,12 +132,15 @@ def _unequal_restitution(side, block):
 
 
 saddle = dispatch_on_sides(_equal_saddle, _unequal_saddle)
+"""m of a side."""
 acceleration_scale = dispatch_on_sides(_equal_scale, _unequal_scale)
+"""κ of a side."""
 restitution_from = dispatch_on_sides(_equal_restitution, _unequal_restitution)
+"""e of an impact that leaves a side."""
 
 
 @kernel(inline="always")
-def slender_acceleration(u, side, force, block):
+def slender_acceleration(u, side, force, _block):
     return u - 1.0 + side * force
 
 
@@ -149,7 +152,7 @@ def _exact_acceleration(u, side, force, block):
 
 
 @kernel(inline="always")
-def _slender_force_factor(u, side, block):
+def _slender_force_factor(_u, _side, _block):
     return 1.0
 
 
@@ -159,7 +162,7 @@ def _exact_force_factor(u, side, block):
 
 
 @kernel(inline="always")
-def _slender_acceleration_gradient(u, side, force, block):
+def _slender_acceleration_gradient(_u, _side, _force, _block):
     return 1.0
 
 
@@ -171,7 +174,7 @@ def _exact_acceleration_gradient(u, side, force, block):
 
 
 @kernel(inline="always")
-def _slender_lift_off_level(side, block):
+def _slender_lift_off_level(_side, _block):
     return LIFT_OFF
 
 
@@ -199,10 +202,15 @@ def _exact_acceleration_bounds(side, low, high, block):
 
 
 acceleration = dispatch_on_block(slender_acceleration, _exact_acceleration)
+"""u'' at the folded angle u under the force f."""
 force_factor = dispatch_on_block(_slender_force_factor, _exact_force_factor)
+"""Factor of s f, and of noise, in u''."""
 acceleration_gradient = dispatch_on_block(_slender_acceleration_gradient, _exact_acceleration_gradient)
+"""Derivative of u'' by u."""
 lift_off_level = dispatch_on_block(_slender_lift_off_level, _exact_lift_off_level)
+"""Largest s f under which a block at rest stays."""
 acceleration_bounds = dispatch_on_block(slender_acceleration_bounds, _exact_acceleration_bounds)
+"""(fall, rise): bounds of -u'' and of u'' from x = 0 to the cut-off, for a force from `low` to `high`."""
 
 
 def gravity_at_contact(critical_angle: float | None, saddle: float = 1.0, scale: float = 1.0) -> float:

@@ -29,8 +29,7 @@ from fpk_rocking.physics.motion.equation import (
     value_and_slope,
 )
 
-# Arguments that one of two forms does not use are there for the other.
-# ruff: noqa: ARG001
+# Arguments with an underscore are there for the other form.
 
 
 @kernel(forceinline=True)
@@ -50,7 +49,7 @@ def state_from_exponentials(grow, decay, side, particular, t):
 
 @kernel(inline="always")
 def folded_angle(side, p, grow, decay):
-    """U = s x of a slender flight, from P and the exponential parts."""
+    """Folded angle u = s x of a slender flight, from P and the exponential parts."""
     return 1.0 + side * (p + grow + decay)
 
 
@@ -66,31 +65,27 @@ class SlenderFlight(NamedTuple):
 
 
 @kernel(forceinline=True)
-def _start_slender(x, v, side, segment, start, end, work, block):
-    """`SlenderFlight` from (x, v) at `start`."""
+def _start_slender(x, v, side, segment, start, end, _work, block):
     p, q = value_and_slope(segment.particular, start)
     fall, rise = slender_acceleration_bounds(side, segment.force_low, segment.force_high, block)
     return SlenderFlight(start, end, fall, rise, 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q))
 
 
 @kernel(forceinline=True)
-def _slender_state(flight, side, segment, t, work, block):
-    """(x, v) at t."""
+def _slender_state(flight, side, segment, t, _work, _block):
     factor = math.exp(t - flight.begin)
     return state_from_exponentials(flight.grow * factor, flight.decay / factor, side, segment.particular, t)
 
 
 @kernel(forceinline=True)
-def _slender_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' surely stays >= 0 from t on; -1.0 where u'' < 0 at t."""
+def _slender_outward_time(_flight, u, side, segment, t, _work, block):
     force, jerk = value_and_slope(segment.force, t)
     rising = slender_acceleration(u, side, force, block)
     return least_closing_time(rising, side * jerk, segment.force_curvature) if rising >= 0.0 else -1.0
 
 
 @kernel
-def slender_flight_end(x, v, side, segment, start, end, block):
-    """(x, v) at `end` of a slender flight from (x, v) at `start`."""
+def slender_flight_end(x, v, side, segment, start, end, _block):
     p, q = value_and_slope(segment.particular, start)
     factor = math.exp(end - start)
     grow, decay = 0.5 * (x - side - p + v - q), 0.5 * (x - side - p - v + q)
@@ -116,7 +111,7 @@ class ExactFlight(NamedTuple):
 
 
 @kernel
-def _expand(u, w, side, force, t, span, block, work):
+def flight_series(u, w, side, force, t, span, block, work):
     """Write Taylor series about t of u, sin φ, cos φ and s f to `work` (4, TERMS); return for how long that of u holds.
 
     It ends where its terms are below rounding at the end of the time `span`, for which it then holds.
@@ -152,8 +147,8 @@ def _expand(u, w, side, force, t, span, block, work):
 
 @kernel
 def _start_exact(x, v, side, segment, start, end, work, block):
-    """`ExactFlight` from (x, v) at `start` to `end`, or as long as its series, in `work` (4, TERMS), holds."""
-    reach = _expand(side * x, side * v, side, segment.force, start, end - start, block, work)
+    """It ends where its series, written to `work` (4, TERMS), ceases to hold."""
+    reach = flight_series(side * x, side * v, side, segment.force, start, end - start, block, work)
     angle, step = work[0], min(reach, end - start)
     spread, snap, power = 0.0, 0.0, 1.0
     for k in range(3, TERMS):
@@ -167,15 +162,13 @@ def _start_exact(x, v, side, segment, start, end, work, block):
 
 
 @kernel
-def _exact_state(flight, side, segment, t, work, block):
-    """(x, v) at t."""
+def _exact_state(flight, side, _segment, t, work, _block):
     u, w = value_and_slope(work[0], t - flight.begin)
     return side * u, side * w
 
 
 @kernel
-def _exact_outward_time(flight, u, side, segment, t, work, block):
-    """Time for which u'' surely stays >= 0 from t on, within the series; -1.0 where u'' < 0 at t."""
+def _exact_outward_time(flight, _u, _side, _segment, t, work, _block):
     angle, since = work[0], t - flight.begin
     rising, jerk = 0.0, 0.0
     for k in range(TERMS - 1, 1, -1):
@@ -186,19 +179,22 @@ def _exact_outward_time(flight, u, side, segment, t, work, block):
 
 @kernel
 def _exact_flight_end(x, v, side, segment, start, end, block):
-    """(x, v) at `end` of an exact flight from (x, v) at `start`."""
     work, t, u, w = _series(), start, side * x, side * v
     while t < end:
-        reach = _expand(u, w, side, segment.force, t, end - t, block, work)
+        reach = flight_series(u, w, side, segment.force, t, end - t, block, work)
         u, w = value_and_slope(work[0], min(reach, end - t))
         t = t + reach if reach < end - t else end
     return side * u, side * w
 
 
 start_flight = dispatch_on_block(_start_slender, _start_exact)
+"""A flight from (x, v) at `start`, in which events can be searched for, up to `end` or less."""
 flight_state = dispatch_on_block(_slender_state, _exact_state)
+"""(x, v) at t of a flight."""
 outward_time = dispatch_on_block(_slender_outward_time, _exact_outward_time)
+"""Time for which u'' of a flight surely stays >= 0 from t on; -1.0 where u'' < 0 at t."""
 flight_end = dispatch_on_block(slender_flight_end, _exact_flight_end)
+"""(x, v) at `end` of a flight from (x, v) at `start`."""
 
 
 @kernel
@@ -230,7 +226,7 @@ def runge_kutta_coefficients(h):
 
 @kernel(fastmath={"contract"})
 def runge_kutta_forcing(begin, middle, end, h):
-    """(x, v) that a force adds in a classical Runge-Kutta step, by its values at begin, middle and end."""
+    """(x, v) that a force adds in a classical Runge-Kutta step, by its values at start, middle and end."""
     x = h * h * ((1.0 + 0.25 * h * h) * begin + 2.0 * middle) / 6.0
     return x, h * ((1.0 + 0.5 * h * h) * begin + (4.0 + 0.5 * h * h) * middle + end) / 6.0
 

@@ -28,16 +28,6 @@ def velocity_jump(velocity, restitution):
     return (restitution - 1.0) * velocity
 
 
-@kernel(inline="always")
-def impact_jump(pull, far_pull, speed, restitution):
-    """Entry of the saltation matrix [[e, 0], [jump, e]] by which a displaced angle changes the velocity.
-
-    A displaced path meets x = 0 earlier or later, and has the other side's acceleration meanwhile: `pull` before and
-    `far_pull` after the impact.
-    """
-    return (far_pull - restitution * pull) / speed
-
-
 @kernel
 def side_of_start(x, v):
     """Side of (x, v): the sign of x, or of v if x is 0; 0, at rest, if both are 0."""
@@ -95,7 +85,9 @@ def covariance_through_impact(diffusions, before, after, impact, restitution):
     covariance at the end, `early` the part gathered before the impact, at it; `map` (b11, b12, b21, b22) carries a
     displacement from just before the impact to the end.
     """
-    jump = impact_jump(impact.pull, impact.far_pull, impact.speed, restitution)
+    # The saltation matrix is [[e, 0], [jump, e]]: a displaced path meets x = 0 earlier or later, and has the other
+    # side's acceleration meanwhile.
+    jump = (impact.far_pull - restitution * impact.pull) / impact.speed
     c, s = math.cosh(after), math.sinh(after)
     b11, b12, b21, b22 = c * restitution + s * jump, s * restitution, s * restitution + c * jump, c * restitution
     xx, xv, vv = flight_covariance(diffusions[0], before)

@@ -4,7 +4,7 @@ An impact between two grid points is met by Halley's iteration on the flight wri
 where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
 impacts, chatter, rest, lift-off, grazing and overturning, goes to `events.advance_through_events`. A flight is
 s + P(t) + grow e^t + decay e^-t. Times count from the interval's middle; `grow` and `decay` are passed as they are at
-the interval's begin and returned as they are at its end.
+the interval's start and returned as they are at its end.
 """
 
 import math
@@ -71,7 +71,7 @@ def _through_events(particular, scratch, half, x, v, side, begin, end, block, im
 
 @kernel
 def state_at_begin(particular, half, grow, decay, side):
-    """(x, v) at the interval's begin; zeros at rest."""
+    """(x, v) at the interval's start; zeros at rest."""
     if side == 0:
         return 0.0, 0.0
     return state_from_exponentials(grow, decay, side, particular, -half)
@@ -81,7 +81,7 @@ def state_at_begin(particular, half, grow, decay, side):
 def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, origin):
     """(grow, decay, u, side, time) at the end of an interval in which a slender block may have an event.
 
-    `node` is P at the interval's end, `u` and `end` are s x at its begin and at its end if nothing happens, `origin` is
+    `node` is P at the interval's end, `u` and `end` are s x at its start and at its end if nothing happens, `origin` is
     the time of its middle; `time` is that of overturning within it, or inf. `grow` and `decay` are not used at rest.
     """
     half, factor, cutoff = interval.half, interval.factor, block.cutoff

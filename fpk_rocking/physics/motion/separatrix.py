@@ -24,22 +24,7 @@ def checked_angle(critical_angle: float) -> float:
 
 
 def separatrix_orbit(times: ArrayLike, critical_angle: float) -> tuple[Number, Number]:
-    """Angle sgn(τ)(1 - φ/α) and velocity on the orbit from x = -1 to x = 1 that meets x = 0 at the time 0.
-
-    There φ(τ) is the tilt with tan(φ/4) = tan(α/4) e^(-|τ|). Angle and velocity are nondimensional.
-
-    Parameters
-    ----------
-    times : array_like
-        Times τ of either sign, nondimensional.
-    critical_angle : float
-        α, from 0 to π/2, radians.
-
-    Returns
-    -------
-    angle, velocity : ndarray or float
-        Of the shape of `times`.
-    """
+    """Angle and velocity of the orbit from the left saddle to the right one, at times since it passes x = 0."""
     tau, (scale, ratio) = np.asarray(times, float), _scales(critical_angle)
     fall, risen = np.exp(-np.abs(tau)), -np.expm1(-np.abs(tau))
     turned = ratio * risen / (1.0 + ratio**2 * fall)

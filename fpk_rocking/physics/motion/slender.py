@@ -40,13 +40,13 @@ def particular_at(particular: Array, times: Array) -> tuple[Array, Array]:
 
 
 def forced_response(p0: float, q0: float, p1: float, q1: float, duration: float) -> tuple[float, float]:
-    """(angle, velocity) that a force adds up to the end of a flight, from any P and P' at its begin and its end."""
+    """(angle, velocity) that a force adds up to the end of a flight, from any P and P' at its start and its end."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return p1 - cosh * p0 - sinh * q0, q1 - sinh * p0 - cosh * q0
 
 
 def linear_force_response(duration: float) -> Array:
-    """Angle and velocity (rows) that the forces 1 and t (columns), t since its begin, add to a flight."""
+    """Angle and velocity (rows) that the forces 1 and t (columns), t since its start, add to a flight."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     return np.array([[cosh - 1.0, sinh - duration], [sinh, cosh - 1.0]])
 
@@ -82,7 +82,7 @@ SLENDER_CONTACT = {-1: ContactLaw(), 1: ContactLaw()}
 def affine_flights(
     p0: float, q0: float, p1: float, q1: float, duration: float, contact: dict[int, ContactLaw] = SLENDER_CONTACT
 ) -> AffineFlights:
-    """Flights u'' = u - gravity + part s f of both sides, from any P and P' at their begin and their end."""
+    """Flights u'' = u - gravity + part s f of both sides, from any P and P' at their start and their end."""
     cosh, sinh = math.cosh(duration), math.sinh(duration)
     shifts, ends = np.zeros((3, 2)), (p0, q0, p1, q1)
     for side in (1, -1):

@@ -5,7 +5,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -18,19 +18,11 @@ class Envelope(abc.ABC):
 
     @abc.abstractmethod
     def value(self, times: Array) -> Array:
-        """G (n,) at times (n,)."""
+        """Value g (n,) at times (n,)."""
 
     @abc.abstractmethod
     def squared_integral(self, times: Array) -> Array:
         """Integral of g² from 0 to each of n times."""
-
-
-class Enveloped(Protocol):
-    """Noise of any kind."""
-
-    @property
-    def envelope(self) -> Envelope | None:
-        """Function of time by which the noise is multiplied; None where it is stationary."""
 
 
 class _Linear(Envelope):
@@ -220,13 +212,6 @@ def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
         return np.ones(len(edges) - 1)
     means = np.diff(envelope.squared_integral(edges)) / np.diff(edges)
     return np.where(means < 1e-4, 0.0, means)
-
-
-def refuse_envelope(noise: Enveloped, what: str) -> None:
-    """Raise ValueError for a noise with an envelope; `what` names what is not defined for it, for the message."""
-    if noise.envelope is not None:
-        accepted = f"no envelope, as {what} is only defined for stationary noise"
-        raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))
 
 
 class EnvelopePieces(NamedTuple):

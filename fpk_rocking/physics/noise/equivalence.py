@@ -21,22 +21,17 @@ from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 
 
 def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
-    """Variance σ_M² of the Melnikov process of a noise.
+    """Variance σ_M² of the Melnikov process of a noise, nondimensional.
+
+    It is 2D for white noise and (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band [a, b] (eq. 15, its σ²
+    included), both for a slender block, and that of its `StateSpace` times the variance for filtered noise. For α > 0
+    that of a band is a quadrature, and the others are in closed form.
 
     Parameters
     ----------
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
-        Band noise has G = variance/(b - a) on its band [a, b]; white noise has ⟨ηη⟩ = 2Dδ; for filtered noise see
-        `fpk_rocking.physics.noise.state_space`.
     critical_angle : float
         α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    float
-        Nondimensional; (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band (eq. 15, its σ² included), exactly
-        2D for white noise, variance times that of its `StateSpace` for filtered noise, 0 without noise. For α > 0 that
-        of a band is a quadrature of its spectrum, and the other two are in closed form.
 
     Raises
     ------
@@ -71,7 +66,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
 
 
 def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
-    """Diffusion D_M of the white noise with the same Melnikov variance: σ_M²/2 for a slender block.
+    """Diffusion D_M, ⟨ηη⟩ = 2Dδ, of the white noise with the same Melnikov variance: σ_M²/2 for a slender block.
 
     To replace band noise or filtered noise by it is an approximation (a closure), which paths under the noise itself
     have to check. For white noise this is its own diffusion.
@@ -79,15 +74,8 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     Parameters
     ----------
     noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
-        The noise that is replaced.
     critical_angle : float
-        α of the block, from 0, a slender one, to π/2, radians. For α > 0 D_M is σ_M² over twice the integral of the
-        squared kernel.
-
-    Returns
-    -------
-    float
-        Nondimensional, with ⟨ηη⟩ = 2Dδ.
+        α of the block, from 0 to π/2, radians. For α > 0 D_M is σ_M² over twice the integral of the squared kernel.
 
     Raises
     ------
@@ -107,7 +95,7 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
 
 
 def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
-    """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum.
+    """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum, from 0 to 1.
 
     It says how much of the frequencies that move the block a spectrum contains. With G the peak of the one-sided
     spectral density it is σ_M²/(πG) for a slender block, for a band (1/π) ∫ 4/(1+ω²)² dω over the band.
@@ -115,14 +103,9 @@ def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     Parameters
     ----------
     noise : BandNoise or FilteredNoise
-        The noise, of a variance above 0.
+        Of a variance above 0.
     critical_angle : float
-        α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    float
-        From 0 to 1.
+        α of the block, from 0 to π/2, radians.
 
     Raises
     ------
@@ -153,20 +136,6 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
     squared, is [(1+e)² + (1-e)²ω²]/(1+ω²)²; over 1 + e² it weighs white noise of diffusion D such that D = ∫ G(ω)
     response dω (derived in docs/theory, "Noise"). At e = 1 it is the kernel of (15), 2/(1+ω²)². For α > 0 the same is
     made of the kernel before and after the impact; it is then right to first order in the noise.
-
-    Parameters
-    ----------
-    frequency : array_like
-        ω, nondimensional.
-    restitution : float
-        e, from 0 to 1.
-    critical_angle : float
-        α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    ndarray or float
-        The weight, nondimensional, of the shape of `frequency`.
     """
     e, square = restitution, np.square(frequency)
     if checked_angle(critical_angle) > 0.0:
@@ -177,7 +146,7 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
 
 
 def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
-    """Relative scatter between realizations of band noise, as the standard deviation of their equivalent diffusions.
+    """Relative scatter between realizations of band noise: standard deviation over mean of their equivalent diffusions.
 
     A realization draws its N harmonics once, and how strongly it acts on the block depends on their frequencies, and on
     the amplitudes of stratified ones. The scatter falls like N^(-1/2). It acts over long times: within a duration for
@@ -186,16 +155,11 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
     Parameters
     ----------
     noise : BandNoise
-        The noise, of a variance above 0.
+        Of a variance above 0.
     restitution : float
         Restitution e, from 0 to 1.
     critical_angle : float
-        α of the block, from 0, a slender one, to π/2, radians.
-
-    Returns
-    -------
-    float
-        Standard deviation over mean.
+        α of the block, from 0 to π/2, radians.
 
     Raises
     ------

@@ -28,7 +28,7 @@ BUTTERWORTH = math.sqrt(0.5)
 
 
 class Filter(abc.ABC):
-    """A filter of white noise; a class of filters is a frozen dataclass of its parameters that derives from this.
+    """A filter of white noise: a frozen dataclass of its parameters that derives from this.
 
     Attributes
     ----------
@@ -53,17 +53,12 @@ class Filter(abc.ABC):
         """State space of the filter, for noise of variance 1."""
 
     def faster(self, factor: float) -> "Filter":
-        """Return the filter with all its rates multiplied by a factor.
+        """The filter with all rates multiplied by a factor: η has the same variance and changes `factor` times as fast.
 
         Parameters
         ----------
         factor : float
             Above 0.
-
-        Returns
-        -------
-        Filter
-            For it η has the same variance, and changes `factor` times as fast.
         """
         space = self.space
         drift = tuple(tuple(row) for row in (factor * space.drift).tolist())
@@ -133,10 +128,10 @@ class LinearFilter(Filter):
 class CloughPenzien(Filter):
     """White noise through a layer of soil and a filter that takes out the lowest frequencies, for ground accelerations.
 
-    With Kanai-Tajimi noise u of frequency ω_g and damping ζ_g, η = y'' where y'' + 2 ζ_f ω_f y' + ω_f² y = u. The
-    filter has 4 states. Its spectral density is that of u times (ω/ω_f)⁴/[(1 - (ω/ω_f)²)² + 4 ζ_f² (ω/ω_f)²]: it is 0
-    at ω = 0, so that velocity and displacement of the ground stay finite. Source: R. W. Clough and J. Penzien, Dynamics
-    of Structures, McGraw-Hill, 1975.
+    With Kanai-Tajimi noise u of frequency ω_g and damping ζ_g, η = y'' where y'' + 2 ζ_f ω_f y' + ω_f² y = u. Its
+    spectral density is that of u times (ω/ω_f)⁴/[(1 - (ω/ω_f)²)² + 4 ζ_f² (ω/ω_f)²]: it is 0 at ω = 0, so that velocity
+    and displacement of the ground stay finite. Source: R. W. Clough and J. Penzien, Dynamics of Structures,
+    McGraw-Hill, 1975.
 
     Parameters
     ----------
@@ -144,11 +139,6 @@ class CloughPenzien(Filter):
         ω_g, nondimensional, and ζ_g of the soil, each above 0.
     low_frequency, low_damping : float
         ω_f, nondimensional, and ζ_f of the second filter, each above 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is not a finite number above 0.
 
     Examples
     --------

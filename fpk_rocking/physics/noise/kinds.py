@@ -63,11 +63,11 @@ class BandNoise:
         A sentence that is shown with every result, for example that these values are assumed. It does not count when
         noises are compared.
     envelope : Trapezoid, Exponential or Table, optional
-        Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
+        Function of time g(τ) by which the noise is multiplied; none for stationary noise.
     frequencies : {"independent", "stratified"}
         "independent": each is uniform in the band, and all amplitudes are equal. "stratified": one is uniform in each
-        of N equal parts of the band, and the amplitudes are those of Gaussian noise. Scenes in metres and m/s²
-        (`Scene.from_block`, and files with ``[block.dimensions]``) take these by default.
+        of N equal parts of the band, and the amplitudes are those of Gaussian noise; so by default in metres and m/s²
+        (`Scene.from_block`, and files with ``[block.dimensions]``).
 
     Examples
     --------
@@ -110,7 +110,7 @@ class WhiteNoise:
     diffusion : float
         Diffusion D, nondimensional, at least 0.
     envelope : Trapezoid, Exponential or Table, optional
-        Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
+        Function of time g(τ) by which the noise is multiplied; none for stationary noise.
 
     Examples
     --------
@@ -155,12 +155,12 @@ class FilteredNoise:
     variance : float
         Variance σ² of η, nondimensional, at least 0.
     frequency : float, optional
-        Angular frequency ω of the filter, nondimensional, above 0. The exponential filter has the correlation time 1/ω.
-        Required for a filter with a name, refused for another.
+        Angular frequency ω of a filter with a name, nondimensional, above 0; the exponential one has the correlation
+        time 1/ω.
     damping : float, optional
-        Damping ratio ζ, above 0. Required for the low-pass and the Kanai-Tajimi filter, refused for another.
+        Damping ratio ζ of the low-pass and the Kanai-Tajimi filter, above 0.
     envelope : Trapezoid, Exponential or Table, optional
-        Function of time g(τ) by which the noise is multiplied. By default the noise is stationary.
+        Function of time g(τ) by which the noise is multiplied; none for stationary noise.
 
     Examples
     --------
@@ -237,3 +237,10 @@ NOISES = {cls.kind: cls for cls in (BandNoise, WhiteNoise, FilteredNoise, NoNois
 
 Noise = BandNoise | WhiteNoise | FilteredNoise | NoNoise
 """Noise of any kind; its `kind` tells which."""
+
+
+def refuse_envelope(noise: Noise, what: str) -> None:
+    """Raise ValueError for a noise with an envelope; `what` names what is not defined for it, for the message."""
+    if noise.envelope is not None:
+        accepted = f"no envelope, as {what} is only defined for stationary noise"
+        raise ValueError(checks.refusal("noise.envelope", noise.envelope, accepted))

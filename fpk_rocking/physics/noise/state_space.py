@@ -20,10 +20,10 @@ from fpk_rocking.base.checks import Array, ArrayLike, Number
 
 
 class StateSpace(NamedTuple):
-    """Stationary noise η of variance 1 out of n states: dz = drift z dτ + input dW, η = output z.
+    """Stationary noise η of variance 1 out of n states: dz = drift z dτ + input dW, η = output z; nondimensional.
 
-    Each state has the standard deviation 1: then states of any rates are numbers of one size, and none is lost beside
-    another. Everything is nondimensional. `stationary` makes one from any matrices.
+    Each state has the standard deviation 1, so that none is lost beside another. `stationary` makes one from any
+    matrices.
 
     Parameters
     ----------
@@ -49,20 +49,14 @@ class StateSpace(NamedTuple):
 
     @classmethod
     def stationary(cls, drift: ArrayLike, source: ArrayLike, output: ArrayLike) -> Self:
-        """Return the state space of a filter dz = drift z dτ + source dW, η = output z, scaled to variances of 1.
-
-        Each state, and η, gets the variance 1; the states stay correlated, see `correlation`.
+        """State space of a filter dz = drift z dτ + source dW, η = output z; each state and η are scaled to variance 1.
 
         Parameters
         ----------
         drift : array_like, shape (n, n)
-            A, nondimensional; its eigenvalues have real parts below 0.
+            A; its eigenvalues have real parts below 0.
         source, output : array_like, shape (n,)
             b and c, of any size.
-
-        Returns
-        -------
-        StateSpace
 
         Raises
         ------
@@ -102,12 +96,12 @@ class StateSpace(NamedTuple):
 
     @property
     def rates(self) -> Array:
-        """Eigenvalues (n,) of the drift, per nondimensional time; each has a real part below 0."""
+        """Eigenvalues (n,) of the drift; each has a real part below 0."""
         return np.linalg.eigvals(self.drift)
 
     @property
     def fastest(self) -> float:
-        """Absolute value of the fastest eigenvalue, nondimensional: noise is sampled in parts of 1/fastest."""
+        """Absolute value of the fastest eigenvalue: noise is sampled in parts of 1/fastest."""
         return float(np.abs(self.rates).max())
 
     @property
@@ -117,17 +111,12 @@ class StateSpace(NamedTuple):
         return bool(abs(self.output @ self.input) <= 1e-9 * size)
 
     def autocovariance(self, lag: ArrayLike) -> Number:
-        """Mean of η(τ) η(τ + lag), for η of variance 1.
+        """Mean of η(τ) η(τ + lag), of the shape of `lag`.
 
         Parameters
         ----------
         lag : array_like
-            Nondimensional time of either sign.
-
-        Returns
-        -------
-        ndarray or float
-            Of the shape of `lag`.
+            Time of either sign.
         """
         from scipy.linalg import expm
 
@@ -135,17 +124,12 @@ class StateSpace(NamedTuple):
         return (transition @ self._covariance @ self.output)[()]
 
     def spectral_density(self, frequency: ArrayLike) -> Number:
-        """One-sided spectral density G, whose integral over all ω > 0 is the variance 1.
+        """One-sided spectral density G, whose integral over all ω > 0 is the variance 1, of the shape of `frequency`.
 
         Parameters
         ----------
         frequency : array_like
-            Angular frequency ω, nondimensional, at least 0.
-
-        Returns
-        -------
-        ndarray or float
-            Of the shape of `frequency`.
+            Angular frequency ω, at least 0.
         """
         omega = np.asarray(frequency, dtype=float)[..., None, None]
         states = np.linalg.solve(1j * omega * np.eye(self.order) - self.drift, self.input[:, None])
@@ -172,7 +156,7 @@ class StateSpace(NamedTuple):
         return self.variance_along(np.ones(1), np.ones(1))
 
     def variance_along(self, weights: Array, rates: Array) -> float:
-        """Variance of ∫ K(τ) η(τ) dτ with the kernel K = Σ w_i exp(-m_i |τ|), for η of variance 1.
+        """Variance of ∫ K(τ) η(τ) dτ with the kernel K = Σ w_i exp(-m_i |τ|).
 
         With R̂ the Laplace transform of the autocovariance, a pair of terms contributes 2 w² [R̂(m)/m - R̂'(m)] where
         it is one term twice, else 4 w_i w_j [m_j R̂(m_i) - m_i R̂(m_j)]/(m_j² - m_i²).
@@ -180,12 +164,7 @@ class StateSpace(NamedTuple):
         Parameters
         ----------
         weights, rates : ndarray, shape (terms,)
-            w_i, and m_i above 0, all different; nondimensional.
-
-        Returns
-        -------
-        float
-            The variance, nondimensional.
+            w_i, and m_i above 0, all different.
         """
         total = 0.0
         laplace: list[tuple[float, float, float]] = []
