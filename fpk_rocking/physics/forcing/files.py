@@ -136,7 +136,7 @@ def _peer(text):
     _check_count(count)
     words = _parted(" ".join(lines[4:]).split(), count)
     if len(words) != count:
-        # What is no number tells more than their count does; the last one may be cut.
+        # A word that is not a number explains more than their count; the last one may be cut off.
         _numbers(words[:-1])
         raise ValueError(f"got {len(words)} samples, accepted: the {count} that its fourth line states")
     return float(interval), _numbers(words), units, _printable(lines[1])
