@@ -47,19 +47,21 @@ class Rendering:
     reason: str
 
 
-def probe_rendering(timeout_s=60.0) -> Rendering:
+def probe_rendering(timeout_s=60.0, program=_PROBE) -> Rendering:
     """Render a small picture off screen in a subprocess and say how that went; never raises.
 
     Parameters
     ----------
     timeout_s : float
         Seconds after which the probe is given up.
+    program : str
+        The probe, in Python: it prints "missing" with the name of each library that lacks, and "rendered".
 
     Returns
     -------
     Rendering
     """
-    command = [sys.executable, "-c", _PROBE]
+    command = [sys.executable, "-c", program]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=timeout_s, check=False)
     except subprocess.TimeoutExpired:

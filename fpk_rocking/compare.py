@@ -110,7 +110,7 @@ class Comparison(Result):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the engines of both results, (first, second)."""
+        """Names of the engines, (first, second)."""
         return tuple(result.engine for result in self.results)
 
     @property
@@ -156,7 +156,7 @@ class Comparison(Result):
         return "Neither result is in doubt. {1}, within the {2}.".format(*self._difference())
 
     def _difference(self):
-        """Return (excess, difference, accepted): how far survival differs beyond the stated errors (float), and texts.
+        """(excess, difference, accepted): how far survival differs beyond the stated errors, and texts.
 
         The excess is negative where the errors explain the difference.
         """
@@ -207,17 +207,12 @@ class Comparison(Result):
 
         times = self.results[0].row_values[: self.cycles.size]
 
-        def survival(_, axes):
-            """Draw survival of both results on matplotlib's `axes`; the first argument is not used."""
-            survival_panel(axes, *self.results)
-
         def difference(_, axes):
-            """Draw the difference of survival, with 95 % intervals, on matplotlib's `axes`."""
             axes.axhline(0.0, color="black", linewidth=0.8)
             axes.errorbar(times, self.difference, 1.96 * self.standard_error, marker="o", markersize=3.0)
             axes.set(xlabel=self.results[0].row_label, ylabel="first less second, 95 % interval")
 
-        return figure_of(survival, difference)
+        return figure_of(lambda _, axes: survival_panel(axes, *self.results), difference)
 
     def summary(self) -> dict[str, Any]:
         """Return a dict for JSON: all arrays and figures by name, engines, sizes, seconds, verdict and remarks."""
@@ -264,12 +259,20 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     # Of whole cycles the fewer are a part of the more.
     if not np.allclose(first.times[common_rows], second.times[common_rows], rtol=1e-12, atol=0.0):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
-    joint_cycles = _checked_cycles(joint_cycles, cycles)
+    if joint_cycles is None:
+        joint_cycles = shown_cycles(cycles)
+    else:
+        joint_cycles = [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in joint_cycles]
     sizes = [float(_sample_size(result) or math.inf) for result in results]
     survival = np.stack([np.asarray(result.survival)[common_rows] for result in results], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
     standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        z = np.where(difference == 0.0, 0.0, difference / standard_error)
+    if all(map(math.isinf, sizes)):
+        z = np.full(difference.shape, math.nan)
+    unknown = np.full((cycles + 1, 2), math.nan)
     leakage = np.stack([np.diff(np.asarray(result.overturned)[common_rows], axis=0) for result in results], axis=1)
     edges = joint_edges(first.scene)
     joint = [_bin_distances(results, sizes, cycle, edges) for cycle in joint_cycles]
@@ -280,11 +283,13 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
         times=np.asarray(first.times)[common_rows],
         periodic=first.cycles is not None,
         survival=survival,
-        interval=np.stack([_interval(result)[common_rows] for result in results], axis=1),
+        interval=np.stack(
+            [unknown if result.interval is None else result.interval[common_rows] for result in results], 1
+        ),
         error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in results]),
         difference=difference,
         standard_error=standard_error,
-        z=_z(difference, standard_error, sizes),
+        z=z,
         leakage=leakage,
         joint_cycles=np.array(joint_cycles, dtype=int),
         l1=columns[:, 0],
@@ -297,7 +302,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
 
 
 def _sample_size(result: SurvivalResult) -> int | None:
-    """Return the number of realizations; None for a density and for the one path of a deterministic scene."""
+    """Number of realizations; None for a density and for the one path of a deterministic scene."""
     return None if result.deterministic else result.realizations
 
 
@@ -317,22 +322,8 @@ def _refuse_other_scenes(first, second):
             )
 
 
-def _checked_cycles(cycles_asked: Sequence[int] | None, cycles: int) -> list[int]:
-    """Return the list of cycles at which bins are compared: those asked for, or for None the usual ones.
-
-    `cycles` is the number of the last one that both results have.
-    """
-    if cycles_asked is None:
-        return shown_cycles(cycles)
-    return [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in cycles_asked]
-
-
 def _bin_distances(results, sizes, cycle, edges):
-    """Return six floats of a cycle: L1 of bins, its floor, Hellinger, its floor; what stands outside, of each result.
-
-    `results` are two `SurvivalResult`, `sizes` their sample sizes (``math.inf`` for none), and `edges` the two arrays
-    of the edges of the bins, in angle and velocity.
-    """
+    """L1 of bins, its floor, Hellinger, its floor, and what stands outside of each result; `sizes` of the samples."""
     bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in results]
     common = sampling.pooled(bins[0], bins[1], *sizes)
     return (
@@ -345,10 +336,7 @@ def _bin_distances(results, sizes, cycle, edges):
 
 
 def _melnikov(results) -> dict:
-    """Return figures of the Melnikov process, by the names of fields of `Comparison`, of a pair of `SurvivalResult`.
-
-    A dict of two floats and three arrays (2,), None each where the forcing does not repeat, or the sides differ.
-    """
+    """Figures of the Melnikov process by the names of fields; None without a period, or with unequal sides."""
     forcing, block = results[0].scene.forcing, results[0].scene.block
     restitution, angle = block.restitution, block.critical_angle
     if forcing.period is None or not block.symmetric:
@@ -364,28 +352,8 @@ def _melnikov(results) -> dict:
     }
 
 
-def _interval(result) -> np.ndarray:
-    """Return 95 % limits of survival (rows, 2) of a `SurvivalResult`, nan for what is no sample."""
-    empty = np.full((len(result.times), 2), math.nan)
-    return empty if result.interval is None else np.asarray(result.interval)
-
-
-def _z(difference, standard_error, sizes) -> np.ndarray:
-    """Return an array (rows,): `difference` (rows,) over `standard_error` (rows,); nan if neither result is a sample.
-
-    `sizes` are the two sample sizes, ``math.inf`` for none.
-    """
-    if all(map(math.isinf, sizes)):
-        return np.full(difference.shape, math.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(difference == 0.0, 0.0, difference / standard_error)
-
-
 def _shared_seed(results) -> list[str]:
-    """Return a list of a sentence that two samples share their random numbers; empty where they do not.
-
-    `results` are two `SurvivalResult`.
-    """
+    """Sentence that two samples share their random numbers, in a list; empty where they do not."""
     seeds = [(getattr(result, "seed", None), result.engine) for result in results]
     if seeds[0] != seeds[1] or seeds[0][0] is None or any(result.deterministic for result in results):
         return []

@@ -15,7 +15,7 @@ from fpk_rocking.density.resolution import bins_tolerance
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results.remarks import scene_diagnostics
-from fpk_rocking.results.sampling import Replacement, check_remarks, measured
+from fpk_rocking.results.replacement import Replacement, check_remarks, measured
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.parts import Start
@@ -134,16 +134,6 @@ class Evolution(SurvivalResult):
     def bins_tol(self) -> float:
         """Error (L1) of the binned density that was asked for; inf where any is right."""
         return self.settings.get("bins_tol", math.inf)
-
-    def survival_interval(self, level: float = 0.95) -> None:  # noqa: ARG002  (the same call as of a sample)
-        """Return None: a density is no sample. Its ``error_estimate`` is that of the solver.
-
-        Parameters
-        ----------
-        level : float
-            Not used.
-        """
-        return
 
     def checked(self, paths: Any) -> Self:
         """Return this result with its replacement of noise measured by paths under the noise of the scene.

@@ -83,30 +83,24 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
 
 
 def _message(results, compared):
-    """Return a sentence on survival of all results in the end, and on the largest difference from the first.
-
-    `results` are of the class `SurvivalResult`, and `compared` are the `Comparison` of all but the first with it.
-    """
+    """Survival of all results in the end, and the largest difference from the first, as a sentence."""
     ends = ", ".join(f"{result.survival[-1]:.3f}" for result in results)
     apart = max(float(np.abs(comparison.difference).max()) for comparison in compared)
     return f"Survival in the end {ends}; the largest difference is {apart:.2g}"
 
 
 def _noise(result):
-    """Return a text that names the noise of a `SurvivalResult`; a note below the panels says what a density has."""
+    """Name of the noise; a note below the panels says what a density has."""
     return "noise replaced, see below" if result.noise_replacement else noise_text(result.scene.noise)
 
 
 def _open_markers(marker) -> dict:
-    """Return the look (dict, as ``axes.plot`` takes it) of points of a marker without a line, open inside."""
+    """Look, as ``axes.plot`` takes it, of points without a line, open inside."""
     return {"marker": marker, "markersize": 4.0, "markerfacecolor": "white", "linestyle": "none"}
 
 
 def _draw_survival(axes, result, label, colour, marker):
-    """Draw survival of a `SurvivalResult` against its rows on matplotlib's `axes`, with a label, a colour and a marker.
-
-    It is a line for a density, points with 95 % intervals for a sample.
-    """
+    """Draw survival: a line for a density, points with 95 % intervals for a sample."""
     cycles, survival = result.row_values, np.asarray(result.survival)
     if result.realizations is None:
         axes.plot(cycles, survival, color=colour, label=label)
@@ -115,15 +109,11 @@ def _draw_survival(axes, result, label, colour, marker):
     if result.deterministic:
         axes.plot(cycles, survival, **_open_markers(marker) | look)
         return
-    pictures.error_bars(axes, cycles, survival, result.survival_interval(0.95), **look)
+    pictures.error_bars(axes, cycles, survival, result.interval, **look)
 
 
 def _draw_difference(axes, comparison, times, place):
-    """Draw survival of one result less that of the first on matplotlib's `axes`, with 95 % intervals.
-
-    `comparison` is their `Comparison`, `times` are the rows as their label counts them, and `place`, from 1 on, the
-    number of the result, by which the points are set off.
-    """
+    """Draw survival of the `place`-th result less that of the first with 95 % intervals, set off by its number."""
     bars = 1.96 * comparison.standard_error
     times = times[: len(comparison.difference)]
     beside = times + 0.3 * (place - 1) * times[1]
@@ -131,10 +121,7 @@ def _draw_difference(axes, comparison, times, place):
 
 
 def _draw_leakage(axes, result, colour, marker):
-    """Draw the probability of overturning in each row of a `SurvivalResult` on matplotlib's `axes`.
-
-    It is drawn to the right upwards and to the left downwards, with a colour and a marker.
-    """
+    """Draw the probability of overturning in each row: to the right upwards, to the left downwards."""
     cycles = result.row_values[1:]
     left, right = np.diff(np.asarray(result.overturned), axis=0).T
     shape = _open_markers(marker) | {"markersize": 2.8} if result.realizations else {}
@@ -143,10 +130,7 @@ def _draw_leakage(axes, result, colour, marker):
 
 
 def _label_panels(panels, reference, counted):
-    """Write titles and axes of the four panels, a dict of matplotlib's axes by name.
-
-    `reference` names the first result's engine, and `counted` what the rows are counted in.
-    """
+    """Write titles and axes of the four panels."""
     survival, tail, leakage, difference = panels.values()
     survival.set(title="Survival", ylabel="P(not overturned)", ylim=(0.0, 1.03))
     tail.set(title="Survival, logarithmic", ylabel="P(not overturned)", yscale="log")
@@ -233,15 +217,12 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
 
 
 def _row_name(result: SurvivalResult) -> str:
-    """Return the name (str, of several lines) of a row of panels: engine, its size, and whether noise was replaced."""
+    """Name of a row of panels: engine, its size, and whether noise was replaced."""
     return result.label.replace(", ", "\n") + "\nnoise replaced" * bool(result.noise_replacement)
 
 
 def _bin_averages(result, cycle):
-    """Return (angle, velocity, density), arrays (n, m), nondimensional: at points, the mean density in a bin around.
-
-    `result` is a `SurvivalResult` and `cycle` its row; points are a quarter of a bin apart.
-    """
+    """Angle, velocity and mean density in a bin around, (n, m) each, at points a quarter of a bin apart."""
     fine = [np.linspace(edges[0], edges[-1], _PIECES * (edges.size - 1) + 1) for edges in joint_edges(result.scene)]
     within = np.cumsum(np.cumsum(result.bin_probabilities(cycle, *fine), axis=0), axis=1)
     within = np.pad(within, ((1, 0), (1, 0)))
@@ -253,11 +234,7 @@ def _bin_averages(result, cycle):
 
 
 def _draw_surface(axes, result, cycle, surface, highest):
-    """Draw the density of one row of a `SurvivalResult` as a surface, with walls for the overturned probability.
-
-    `axes` are matplotlib's in three dimensions, `cycle` is the row, `surface` what `_bin_averages` returned for it, and
-    `highest` the density at the top of the axes.
-    """
+    """Draw the density of one row, as `_bin_averages` gives it, with walls for the overturned probability."""
     scene = result.scene
     cut_off, bound = scene.overturning.angle, surface[1].max()
     axes.patch.set_visible(False)
@@ -285,11 +262,7 @@ def _draw_surface(axes, result, cycle, surface, highest):
 
 
 def _draw_wall(axes, x, bound, height, text, place):
-    """Draw a wall at the angle x of overturning, from -bound to bound in velocity, with a text on it.
-
-    `axes` are matplotlib's in three dimensions; `height` is in units of the density, and the text stands at the
-    velocity `place`.
-    """
+    """Draw a wall at the angle x, from -bound to bound in velocity, with a text at the velocity `place`."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     corners = [(x, -bound, 0.0), (x, bound, 0.0), (x, bound, height), (x, -bound, height)]
@@ -300,7 +273,7 @@ def _draw_wall(axes, x, bound, height, text, place):
 
 
 def _draw_needle(axes, start, highest):
-    """Draw a `Start` from a point as a needle; `highest` is the density at the top of matplotlib's `axes`."""
+    """Draw a start from a point as a needle."""
     axes.plot([start.angle] * 2, [start.velocity] * 2, [0.0, 0.9 * highest], color="black", linewidth=2.0)
     axes.text(start.angle, start.velocity, 0.92 * highest, "probability 1 at one point", ha="center", va="bottom")
     axes.set_zlabel("")
@@ -308,10 +281,7 @@ def _draw_needle(axes, start, highest):
 
 
 def _surface_notes(results, columns):
-    """Return a list of lines of text below the surfaces, wrapped for a number of columns of panels.
-
-    They tell the scene of `results` (of class `SurvivalResult`), what is drawn, and what speaks against the results.
-    """
+    """Lines below the surfaces: the scene, what is drawn, and what speaks against the results."""
     drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
     text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
     return textwrap.wrap(text, 50 * columns)
@@ -368,27 +338,21 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
 
 
 def _inner_velocities(edges, masses):
-    """Return velocities (lowest, highest) between which all but a ten-thousandth of the masses (n,) of bins lies.
-
-    `edges` (n + 1,) are those of the bins, nondimensional.
-    """
+    """Velocities between which all but a ten-thousandth of the masses (n,) of bins lies; `edges` (n + 1,)."""
     beyond = 0.5e-4 * masses.sum()
     low, high = np.searchsorted(np.cumsum(masses), beyond), np.searchsorted(np.cumsum(masses[::-1]), beyond)
     return edges[low], edges[-1 - high]
 
 
 def _heading(result, cycle):
-    """Return time, survival and overturned probabilities of row `cycle` of a `SurvivalResult`, as a text of 2 lines."""
+    """Time, survival and overturned probabilities of a row, as a text of two lines."""
     left, right = np.asarray(result.overturned)[cycle]
     when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
     return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
 
 
 def _map_notes(results):
-    """Return a tuple of one text, the note below the maps of `results`, each a `SurvivalResult`.
-
-    It tells the scene, what is drawn, and what speaks against the results.
-    """
+    """Note below the maps: the scene, what is drawn, and what speaks against the results."""
     drawn = (
         "Colours: mean density in bins of 0.1 × 0.1, one scale a cycle, in proportion to its square root. Left and "
         "right the panels end at the cut-off."

@@ -32,27 +32,11 @@ _HERE = pathlib.Path(__file__).parent
 
 
 def write_report(path, result, values, sentences=(), films=(), scenes=()):
-    """Write a report as an HTML file, whole or not at all.
+    """Write a report on a `Result` as an HTML file, whole or not at all; returns its size in bytes.
 
-    Parameters
-    ----------
-    path : path
-        By custom with the suffix .html.
-    result : Result
-        What it is about: its title, verdict, picture and table stand there.
-    values : dict
-        Plain values, kept in the file as JSON under the id "summary".
-    sentences : sequence of str
-        What belongs below the table, the verdict aside.
-    films : sequence of SurvivalResult
-        Whose densities are shown after every cycle they have in common, of more than 121 cycles as many of them.
-    scenes : sequence of Scene
-        Listed at the end.
-
-    Returns
-    -------
-    int
-        Size of the file in bytes.
+    `values` are kept in the file as JSON under the id "summary". `sentences` stand below the table, the verdict aside.
+    `films` are results whose densities are shown after every cycle they have in common, of more than 121 cycles as many
+    of them. `scenes` are listed at the end.
     """
     film = _film(films) if films else None
     script = (_HERE / "report.js").read_text(encoding="utf-8")
@@ -74,17 +58,7 @@ def write_report(path, result, values, sentences=(), films=(), scenes=()):
 
 
 def write_page(path, title, parts):
-    """Write a page of HTML that needs nothing else, whole or not at all; return its size in bytes.
-
-    Parameters
-    ----------
-    path : path
-        File to write.
-    title : str
-        A plain text.
-    parts : sequence of str
-        HTML of what stands below the title.
-    """
+    """Write a page of HTML, of a title and parts below it, that needs nothing else; returns its size in bytes."""
     page = (_HERE / "report.html").read_text(encoding="utf-8").replace("<!--TITLE-->", html.escape(title))
     page = page.replace("<!--BODY-->", "\n".join(parts))
     write_text(path, page)
@@ -92,14 +66,14 @@ def write_page(path, title, parts):
 
 
 def _without_samples(scene):
-    """Return the TOML text of a scene with the number of samples of a record in place of these."""
+    """TOML text of a scene with the number of samples of a record in place of these."""
     lines = scene.to_toml().splitlines()
     short = (f"# {line.count(',') + 1:,} samples" if line.startswith("samples = ") else line for line in lines)
     return "\n".join(short)
 
 
 def _units(scenes):
-    """Return sentences on the units of numbers of some scenes (a sequence of `Scene`) beside which no unit stands."""
+    """Sentences on the units of numbers beside which no unit stands."""
     units = "Unless a unit stands beside them, angles are in units of the critical angle and times are τ = pt."
     sizes = list(dict.fromkeys(scene.block.size for scene in scenes if scene.block.size is not None))
     if len(sizes) != 1:
@@ -109,10 +83,7 @@ def _units(scenes):
 
 
 def left_out(scenes, *, scatter=True):
-    """Return a text on the effects that the model leaves out for `scenes`, a sequence of `Scene`.
-
-    `scatter`: whether that of restitution is among them, as it is unless it was drawn.
-    """
+    """Return the effects that the model leaves out for some scenes; `scatter`: that of restitution among them."""
     slender = [scene.block.critical_angle == 0.0 for scene in scenes]
     which = "" if all(slender) else f" in {sum(slender)} of {len(slender)} scenes"
     bodies = all(scene.block.body is not None for scene in scenes)
@@ -124,10 +95,7 @@ def left_out(scenes, *, scatter=True):
 
 
 def table_html(columns):
-    """Return an element of HTML (str): the table of `columns`, a dict of sequences (n,) by name.
-
-    Those that are empty or unknown throughout are left out.
-    """
+    """Return the table of columns (n,) by name as HTML, without those that are empty or unknown throughout."""
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
     head = "".join(f"<th>{html.escape(_column_label(name))}</th>" for name in texts)
@@ -142,7 +110,7 @@ def table_html(columns):
 
 
 def _column_label(name):
-    """Return the head (str) of a column `name`, which may end with its unit: "pgv, m/s" for "pgv_m_per_s"."""
+    """Head of a column whose name may end with its unit: "pgv, m/s" for "pgv_m_per_s"."""
     units = {"_m_per_s": ", m/s", "_s": ", s", "_g": ", g", "_deg": ", degrees"}
     ending = next((ending for ending in units if name.endswith(ending)), "")
     words = "time τ" if name == "time" else name.removesuffix(ending).replace("_", " ")
@@ -150,14 +118,14 @@ def _column_label(name):
 
 
 def _text(value):
-    """Return a `value` of a table, a number or a text, as a text; empty for a float that is not finite."""
+    """A value of a table as a text; empty for a float that is not finite."""
     if isinstance(value, float):
         return f"{value:.6g}" if np.isfinite(value) else ""
     return str(value)
 
 
 def json_html(name, values):
-    """Return an element of HTML (str) with the id `name` that holds plain `values` as JSON.
+    """Return an element of HTML with the id `name` that holds plain values as JSON.
 
     "<" is written so that no text of theirs can end the element.
     """
@@ -166,7 +134,7 @@ def json_html(name, values):
 
 
 def _film(results):
-    """Return the data of the animation of some results, of class `SurvivalResult`, as a dict of plain values.
+    """Data of the animation of some `SurvivalResult`, as plain values.
 
     For each result and cycle they are codes 0 to 255 of the root of the density in bins. Codes are on one scale for all
     results after a cycle, from 0 to the largest density there, "most".
@@ -208,10 +176,7 @@ def _film(results):
 
 
 def _film_html(film):
-    """Return the elements, as a text, that the script draws densities into, with the slider of their rows.
-
-    `film` is what `_film` returned.
-    """
+    """Elements that the script draws densities into, with the slider of their rows."""
     drawings = "".join(
         f"<figure><figcaption>{html.escape(film_of['name'])}</figcaption>"
         f"<canvas id='film{n}' width='460' height='360' role='img' aria-label=''></canvas>"

@@ -19,10 +19,7 @@ from fpk_rocking.results.remarks import noise_text
 
 
 def show(title, table, sentences):
-    """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide.
-
-    `title` is a text, `table` a `rich.table.Table`, and `sentences` a sequence of texts.
-    """
+    """Print a title, a table and the sentences that belong below it; a pipe or a file gets text 100 columns wide."""
     console = Console(highlight=False)
     if not console.is_terminal:
         console = Console(highlight=False, width=100)
@@ -33,10 +30,7 @@ def show(title, table, sentences):
 
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
-    """Return (title, table, sentences) of a `SurvivalResult`: a text, a `rich.table.Table`, and a tuple of texts.
-
-    The table has survival and overturned probability after each cycle or time.
-    """
+    """Return (title, table, sentences) of a `SurvivalResult`: survival and overturned probability at each time."""
     columns = {result.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in result.row_values]}
     seconds = result.time_s if result.cycles is not None else None
     if seconds is not None:
@@ -59,10 +53,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
-    """Return (title, table, sentences) of a `Probability`: a text, a `rich.table.Table`, and a tuple of texts.
-
-    The table has a row for each cycle or time.
-    """
+    """Return (title, table, sentences) of a `Probability`, with a row for each time."""
     columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
     if answer.cycles is not None and answer.time_s is not None:
         columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
@@ -78,10 +69,7 @@ def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def _account(result):
-    """Yield the error figures of a `SurvivalResult` beside that of the verdict, as sentences.
-
-    The last one has seed, steps and seconds.
-    """
+    """Yield the error figures of a `SurvivalResult` beside that of the verdict, then seed, steps and seconds."""
     yield from (figure.message for figure in result.diagnostics if figure.value is not None and figure.message)
     settings = {} if result.deterministic else {"seed {}": result.metadata.get("seed")}
     if getattr(result, "method", "exact") != "exact":
@@ -92,19 +80,9 @@ def _account(result):
 
 
 def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences for what was compared, cycle by cycle.
+    """Return (title, table, sentences) of comparisons with one reference, cycle by cycle.
 
-    Parameters
-    ----------
-    comparisons : sequence of Comparison
-        All with the same second result, the reference, and the same cycles of comparison.
-
-    Returns
-    -------
-    title : str
-    table : rich.table.Table
-        For each cycle one row for the reference and one for each result held against it.
-    sentences : tuple of str
+    For each cycle there is a row for the reference, the second result of each, and one for each result held against it.
     """
     names = "cycles", "result", "survival", "95 % interval", "z", "L1 (floor)", "Hellinger (floor)"
     table = text_table(names, *(_compared(comparisons, *place) for place in enumerate(comparisons[0].joint_cycles)))
@@ -123,11 +101,7 @@ def comparison_table(comparisons) -> tuple[str, Table, tuple[str, ...]]:
 
 
 def _compared(comparisons, place, cycle):
-    """Yield the rows of one cycle, each of seven texts: the reference, and below it each result held against it.
-
-    `comparisons` are of the class `Comparison`, `cycle` is the number of the cycle, and `place` its index among the
-    cycles of joint densities.
-    """
+    """Yield the rows of one cycle, the `place`-th of the cycles of joint densities: the reference, then each result."""
     yield str(cycle), *_survival_cells(comparisons[0], cycle, 1), "", "", ""
     for compared in comparisons:
         yield (
@@ -140,16 +114,12 @@ def _compared(comparisons, place, cycle):
 
 
 def verdict_first(trust, *sentences) -> tuple[str, ...]:
-    """Return a tuple of texts: the verdict of a `Trust`, then those of `sentences` that are no reason of it."""
+    """Return the verdict of a `Trust`, then those of `sentences` that are no reason of it."""
     return str(trust), *(sentence for sentence in sentences if sentence not in trust.reasons)
 
 
 def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
-    """Return a `rich.table.Table` of texts below the names of its columns, with a line between groups of rows.
-
-    A row is a sequence of as many texts as names. The column "result" stands to the left, "95 %", "95 % interval" and
-    "± estimate" in the middle, all others to the right.
-    """
+    """Return a table of texts below the names of its columns, with a line between groups of rows."""
     table = Table(box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False, padding=(0, 1, 0, 0))
     sides = {"result": "left", "95 % interval": "center", "95 %": "center", "± estimate": "center"}
     for name in names:
@@ -162,7 +132,7 @@ def text_table(names: Iterable[str], *groups: Iterable[Sequence[str]]) -> Table:
 
 
 def _sizes(comparisons) -> list[str]:
-    """Return the sizes of the samples in a sequence of `Comparison`, as a list of at most one sentence."""
+    """Sizes of the samples, as a list of at most one sentence."""
     sizes = {
         name: size
         for compared in comparisons
@@ -173,10 +143,7 @@ def _sizes(comparisons) -> list[str]:
 
 
 def _melnikov(comparisons) -> str:
-    """Return a sentence with the figures of the Melnikov process for each noise in a sequence of `Comparison`.
-
-    It is empty where they are not defined.
-    """
+    """Sentence with the figures of the Melnikov process for each noise; empty where they are not defined."""
     first = comparisons[0]
     if first.melnikov_amplitude is None:
         return ""
@@ -196,17 +163,14 @@ def _melnikov(comparisons) -> str:
 
 
 def _survival_cells(compared, cycle, which):
-    """Return (engine, survival, 95 % interval), texts, of one of the two results of a `Comparison` after a cycle.
-
-    `which` is 0 for the first result, and 1 for the second; the interval is empty for a density.
-    """
+    """(engine, survival, 95 % interval), texts, of result 0 or 1 of a `Comparison` after a cycle."""
     limits = compared.interval[cycle, which]
     text = "" if math.isnan(limits[0]) else _limits(limits, 4)
     return compared.names[which], f"{compared.survival[cycle, which]:.4f}", text
 
 
 def _limits(limits, digits) -> str:
-    """Return two limits, a pair of numbers, as a text with a number of `digits` behind the point."""
+    """Two limits as a text with a number of digits behind the point."""
     return f"{limits[0]:.{digits}f}–{limits[1]:.{digits}f}"
 
 
@@ -244,7 +208,7 @@ def reporting(label: str) -> Iterator[Progress]:
 
 @contextlib.contextmanager
 def _bar(label):
-    """Yield a `progress` function (done, total) that draws a bar on the terminal, with a label (text) in front."""
+    """Yield a `progress` function that draws a bar on the terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -256,13 +220,12 @@ def _bar(label):
 
 
 def _lines(label):
-    """Return a `progress` function (done, total) that prints a line from time to time, with a label (text) in front."""
+    """Return a `progress` function that prints a line from time to time."""
     started = last = time.monotonic()
     # Time and work done at the first report of any: machine code is compiled by then, work may go on from a file.
     first = 0.0, 0
 
     def report(done, total):
-        """Print a line if the last one is some time ago; `done` and `total` count the parts of the work."""
         nonlocal last, first
         now = time.monotonic()
         first = first if first[1] else (now, done)

@@ -104,21 +104,14 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
 
 
 def _mesh_of_row(result, cycle):
-    """Return a `meshio.Mesh` with the density of a row (`cycle`) of a `SurvivalResult`.
-
-    It is the density of the solver, a histogram of a sample, or the cell of a point start.
-    """
+    """Mesh with the density of a row: the solver's, a histogram of a sample, or the cell of a point start."""
     if cycle == 0 and result.scene.start.covariance is None:
         return _mesh_of_point(result.scene)
-    law = result.at(cycle)
-    return _mesh_of_histogram(result, cycle) if law is None else _mesh_of_density(law)
+    return _mesh_of_density(result.at(cycle)) if result.realizations is None else _mesh_of_histogram(result, cycle)
 
 
 def _mesh_of_density(law):
-    """Return a `meshio.Mesh` of a `Density`, with point values and cell means.
-
-    Elements are cut into as many pieces a side as its degree.
-    """
+    """Mesh of a `Density` with point values and cell means; an element has as many pieces a side as its degree."""
     pieces = max(law.degree, 1)
     # Interpolated as linspace does, both ends of a cell are the mesh lines themselves, x = 0 among them.
     lines = [np.linspace(values[:-1], values[1:], pieces + 1, axis=1) for values in law.mesh_lines]
@@ -130,10 +123,7 @@ def _mesh_of_density(law):
 
 
 def _mesh_of_histogram(sample, row):
-    """Return a `meshio.Mesh` of the bins `joint_edges` of a sample, a `SurvivalResult`, at a row.
-
-    It has the density at points and cells, and the probability in cells.
-    """
+    """Mesh of the bins of a sample, with the density at points and cells, and the probability in cells."""
     edges = joint_edges(sample.scene)
     probability = np.asarray(sample.bin_probabilities(row, *edges))
     lines = [np.stack([values[:-1], values[1:]], axis=-1) for values in edges]
@@ -143,7 +133,7 @@ def _mesh_of_histogram(sample, row):
 
 
 def _mesh_of_lattices(angle, velocity, values, probability):
-    """Return a `meshio.Mesh` of separate lattices, one an element: n_angle by n_velocity elements of n by n points.
+    """Mesh of separate lattices, one an element: n_angle by n_velocity elements of n by n points.
 
     Lines `angle` (n_angle, n) and `velocity` (n_velocity, n); densities at points, `values` (n_angle, n_velocity, n,
     n); `probability` (n_angle, n_velocity, n - 1, n - 1) in cells.
@@ -161,10 +151,7 @@ def _mesh_of_lattices(angle, velocity, values, probability):
 
 
 def _lattice_mesh(angle, velocity):
-    """Return points (p, 3) and quadrilaterals (q, 4), as indices of points, of separate lattices, one an element.
-
-    Lines `angle` (n_angle, n) and `velocity` (n_velocity, n) are those of n_angle by n_velocity elements.
-    """
+    """Points (p, 3) and quadrilaterals (q, 4) of separate lattices, one an element; lines as of `_mesh_of_lattices`."""
     shape = (len(angle), len(velocity), angle.shape[1], velocity.shape[1])
     points = np.zeros((np.prod(shape), 3))
     points[:, 0] = np.broadcast_to(angle[:, None, :, None], shape).ravel()
@@ -175,7 +162,7 @@ def _lattice_mesh(angle, velocity):
 
 
 def _mesh_of_point(scene):
-    """Return a `meshio.Mesh`, empty but for one vertex of probability 1, for a scene whose start is a point."""
+    """Mesh, empty but for one vertex of probability 1, for a scene whose start is a point."""
     cut_off, bound = scene.overturning.angle, joint_edges(scene)[1][-1]
     corners = [
         corner
@@ -190,17 +177,14 @@ def _mesh_of_point(scene):
 
 
 def _meshio_mesh(points, cells, values, cell_data):
-    """Return a `meshio.Mesh` with the density `values` (p,) at the points (p, 3) and fields of the cells.
-
-    `cells` is a list of (type, indices of points), and `cell_data` a dict of a list of arrays, one for each type.
-    """
+    """Mesh with the density at the points (p, 3) and fields of the cells, a list of arrays for each type."""
     import meshio
 
     return meshio.Mesh(points, cells, point_data={"density": np.array(values)}, cell_data=cell_data)
 
 
 def _field_values(result, cycle) -> dict[str, float]:
-    """Return the numbers, by name, of a row (`cycle`) of a `SurvivalResult` that are the field data of its file."""
+    """Field data of the file of a row."""
     left, right = result.overturned[cycle]
     fields = {} if result.realizations else {"negative_mass": result.negative_mass}
     return fields | {
@@ -214,10 +198,7 @@ def _field_values(result, cycle) -> dict[str, float]:
 
 
 def _write_mesh(file, mesh, fields):
-    """Write a mesh of meshio to a .vtu file at the path `file`, complete or not at all.
-
-    `fields`, a dict of numbers by name, are its field data.
-    """
+    """Write a mesh with field data to a .vtu file, whole or not at all."""
     with replaced_atomically(file) as temporary:
         mesh.write(temporary, file_format="vtu")
         # meshio reads field data of a .vtu file but does not write it.
@@ -227,14 +208,14 @@ def _write_mesh(file, mesh, fields):
 
 
 def _field_data(fields) -> str:
-    """Return `fields`, numbers by name, as the XML element of field data (str)."""
+    """XML element of field data."""
     head = '<DataArray type="Float64" NumberOfTuples="1" format="ascii"'
     arrays = (f'{head} Name="{name}">{float(value)!r}</DataArray>' for name, value in fields.items())
     return f"<FieldData>{''.join(arrays)}</FieldData>"
 
 
 def _collection(entries) -> str:
-    """Return the text of a .pvd file that lists `entries`, pairs of time τ and file name."""
+    """Text of a .pvd file that lists pairs of time τ and file name."""
     lines = "".join(
         f'    <DataSet timestep="{time!r}" group="" part="0" file={quoteattr(file)}/>\n' for time, file in entries
     )

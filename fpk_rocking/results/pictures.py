@@ -42,16 +42,15 @@ _SETTINGS = {
 
 @contextlib.contextmanager
 def drawing() -> Iterator[Callable[..., Any]]:
-    """Yield a function that makes matplotlib figures, with the project's settings in force; no window system is used.
+    """Yield a function that makes matplotlib figures, from the options of their class, in the project's style.
 
-    It takes the arguments of ``matplotlib.figure.Figure`` and returns one.
+    No window system is used.
     """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     def figure(**options):
-        """Return a figure, made with the options of matplotlib's class, that needs no window."""
         canvas_figure = Figure(**options)
         FigureCanvasAgg(canvas_figure)
         return canvas_figure
@@ -62,18 +61,10 @@ def drawing() -> Iterator[Callable[..., Any]]:
 
 @contextlib.contextmanager
 def page(path: File, size: tuple[float, float], title: str, notes: Iterable[str] = ()) -> Iterator[Any]:
-    """Yield a matplotlib figure for several panels, with a title above and notes below them; it is saved at the end.
+    """Yield a matplotlib figure of a `size` in inches for several panels; it is saved to `path` at the end.
 
-    Parameters
-    ----------
-    path : path
-        Where to write; the suffix chooses the format.
-    size : (float, float)
-        In inches.
-    title : str
-        On one line: a long one is set smaller.
-    notes : sequence of str
-        What a reader has to know to judge the panels; each begins a line of its own.
+    The title above is on one line: a long one is set smaller. Of the notes below, what a reader has to know to judge
+    the panels, each begins a line of its own.
     """
     with drawing() as new_figure:
         figure = new_figure(figsize=size, layout="constrained")
@@ -92,10 +83,7 @@ def title_size(title: str, width: float) -> float:
 
 
 def shades(count: int) -> list[str]:
-    """Return a list of `count` colours for values in ascending order, dark to light, each legible as a line on white.
-
-    A colour is a text "#rrggbb".
-    """
+    """Return colours "#rrggbb" for values in ascending order, dark to light, each legible as a line on white."""
     import matplotlib as mpl
 
     steps = range(count)
@@ -110,34 +98,17 @@ def named(
     offset: tuple[float, float] = (5.0, -3.0),
     **look: Any,
 ) -> None:
-    """Write the name of a curve in its colour beside one of its points.
+    """Write the name of a curve in its colour beside one of its points, `offset` points of print away from it.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    text : str
-    point : (float, float)
-        In the units of the axes.
-    colour : str
-    offset : (float, float)
-        From the point to the text, in points of print.
-    **look
-        As ``axes.annotate`` takes it.
+    The point is in units of the axes; `look` is as ``axes.annotate`` takes it.
     """
     axes.annotate(text, point, xytext=offset, textcoords="offset points", color=colour, **look)
 
 
 def error_bars(axes: Any, x: ArrayLike, values: ArrayLike, interval: ArrayLike, **look: Any) -> None:
-    """Draw values with the limits of their intervals.
+    """Draw values (n,) with the limits (n, 2) of their intervals, as open circles without a line by default.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-    x, values : array_like, shape (n,)
-    interval : array_like, shape (n, 2)
-        Lower and upper limits.
-    **look
-        Colour, label and marker, as ``axes.errorbar`` takes them; open circles without a line by default.
+    `look`: colour, label and marker, as ``axes.errorbar`` takes them.
     """
     centres, (low, high) = np.asarray(values), np.asarray(interval).T
     # Rounding may leave a limit on the wrong side of the value by one unit in the last place.
@@ -153,25 +124,16 @@ def error_bars(axes: Any, x: ArrayLike, values: ArrayLike, interval: ArrayLike, 
 
 
 def save(figure: Any, path: File) -> pathlib.Path:
-    """Write a matplotlib figure to a file, complete or not at all, its title with it; return the path of the file.
-
-    The suffix of the path chooses the format.
-    """
+    """Write a matplotlib figure to a file, whole or not at all, with its title; the suffix chooses the format."""
     with replaced_atomically(path) as temporary:
         figure.savefig(temporary, metadata={"Title": figure.get_suptitle()})
     return pathlib.Path(path)
 
 
 def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
-    """Return a figure as an <img> of HTML (str) that holds its own data, a PNG.
+    """Return a figure as an <img> of HTML that holds its own data, a PNG of `dots` pixels an inch.
 
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    meaning : str
-        Text for those who do not see it.
-    dots : int
-        Pixels an inch.
+    `meaning` is a text for those who do not see it.
     """
     picture = io.BytesIO()
     figure.savefig(picture, format="png", dpi=dots)
@@ -188,10 +150,7 @@ class PlaneUnits(NamedTuple):
 
 
 def plane_units(scene: Scene) -> PlaneUnits:
-    """Return the named tuple `PlaneUnits` of a scene: degrees, degrees/s for a block with dimensions, else 1 and 1.
-
-    Its numbers turn nondimensional angles and velocities into these units.
-    """
+    """Return the units for a scene: degrees and degrees/s for a block with dimensions, else 1 and 1."""
     size = scene.block.size
     if size is None:
         return PlaneUnits()
@@ -200,17 +159,7 @@ def plane_units(scene: Scene) -> PlaneUnits:
 
 
 def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
-    """Return a figure with panels side by side.
-
-    Parameters
-    ----------
-    *panels : callable
-        Each is called with the figure and one of its axes, and draws there.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+    """Return a matplotlib figure of panels side by side; each is called with the figure and its axes to draw there."""
     with drawing() as new_figure:
         figure = new_figure(figsize=(4.6 * len(panels), 3.3), layout="constrained")
         for panel, axes in zip(panels, np.atleast_1d(figure.subplots(1, len(panels))), strict=True):
@@ -219,19 +168,13 @@ def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
 
 
 def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[Any, Any], None]]:
-    """Return a list of panels, functions of a figure and its axes as `figure_of` takes them, of a `SurvivalResult`.
-
-    `cycle` is the row of the bins or the density.
-    `what` is "survival", "bins", "density", or None for the first two; see `SurvivalResult.plot`.
-    """
+    """Return the panels of a `SurvivalResult` that `SurvivalResult.plot` shows, as `figure_of` takes them."""
     units = plane_units(result.scene)
 
     def survival(_, axes):
-        """Draw survival on matplotlib's `axes`; the first argument is not used."""
         survival_panel(axes, result)
 
     def bins(figure, axes):
-        """Draw the probability in each bin over the bin's area on matplotlib's `axes`, with a colour bar."""
         edges = edges_of([result], [cycle])
         areas = np.multiply.outer(*map(np.diff, edges))
         density = result.bin_probabilities(cycle, *edges) / areas
@@ -239,7 +182,6 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
         axes.set_title(_title(result, cycle))
 
     def density(figure, axes):
-        """Draw the density itself on matplotlib's `axes`, with a colour bar in the figure."""
         edges = edges_of([result], [cycle])
         function_panel(figure, axes, result.at(cycle), edges, "density", units=units)
         axes.set_title(_title(result, cycle))
@@ -249,31 +191,18 @@ def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[A
 
 
 def shown_edges(edges: Sequence[Array], probabilities: Array, least: int) -> list[np.ndarray]:
-    """Return bin edges for pictures: where the probability is, neither too few nor too many.
+    """Return edges of bins, angle and velocity, for pictures: where the probability is, neither too few nor too many.
 
-    Parameters
-    ----------
-    edges : pair of ndarray
-        Edges of bins in angle and velocity, nondimensional.
-    probabilities : ndarray, shape (angle bins, velocity bins)
-    least : int
-        Bins an axis that are wanted; 0 where none may be cut.
-
-    Returns
-    -------
-    list of two ndarray
-        Angle and velocity edges, around all but 1e-3 of the probability on each axis, a bin more on either side; cut
-        into equal parts where these are fewer than `least`, merged where they are more than 96.
+    They are around all but 1e-3 of the `probabilities` (angle bins, velocity bins) on each axis, with a bin more on
+    either side. Bins are cut into equal parts where there are fewer than `least`, and merged where there are more than
+    96. With 0 for `least` none is cut.
     """
     masses = np.maximum(probabilities, 0.0)
     return [_cut_or_merged(edges[axis], masses.sum(axis=1 - axis), least) for axis in (0, 1)]
 
 
 def _cut_or_merged(edges, masses, least):
-    """Return edges (m,) around most of the `masses` (bins,), cut into at least `least` bins or merged into at most 96.
-
-    `edges` (bins + 1,) are those of the masses, which are not negative.
-    """
+    """Edges (m,) around most of the `masses` (bins,), cut into at least `least` bins or merged into at most 96."""
     below = np.cumsum(masses) / max(masses.sum(), np.finfo(float).tiny)
     first, last = np.searchsorted(below, 5e-4, "right"), np.searchsorted(below, 1.0 - 5e-4)
     inner = edges[max(first - 1, 0) : min(last, masses.size - 1) + 3]
@@ -285,11 +214,7 @@ def _cut_or_merged(edges, masses, least):
 
 
 def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
-    """Return a list of the edges, angle (n + 1,) and velocity (m + 1,), of the bins in which results are shown.
-
-    They are nondimensional, and cover where the probability is at the rows `cycles` (a sequence of int) of all
-    `results`, of the class `SurvivalResult`; see `shown_edges`.
-    """
+    """Return edges in angle and velocity of the bins in which the rows `cycles` of all `results` are shown."""
     coarsest = min(results, key=lambda result: result.shown_bins)
     edges = coarsest.bin_edges
     probabilities = sum(np.asarray(result.bin_probabilities(cycle, *edges)) for result in results for cycle in cycles)
@@ -297,14 +222,12 @@ def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
 
 
 def survival_panel(axes: Any, *results: Any) -> None:
-    """Draw survival of `results` against cycles or times on `axes`, with 95 % intervals or estimated errors as bands.
-
-    `axes` are matplotlib's; each of `results` is a `SurvivalResult`. Nothing is returned.
-    """
+    """Draw survival of each `SurvivalResult` against its rows, with 95 % intervals or estimated errors as bands."""
     for result, colour in zip(results, COLOURS, strict=False):
-        survival, label = np.asarray(result.survival), "one path" if result.deterministic else "95 % interval"
-        interval = result.survival_interval()
-        if interval is None:
+        survival, label, interval = np.asarray(result.survival), "95 % interval", result.interval
+        if result.deterministic:
+            label, interval = "one path", np.stack([survival, survival], -1)
+        elif interval is None:
             error, label = result.error_estimate, "estimated error"
             if result.replacement is not None:
                 error, label = result.total_error[:, 0], "total error"
@@ -326,9 +249,8 @@ def plane_panel(
 ) -> None:
     """Draw a density (n, m) over cells of the plane, with a colour bar named `name` in the figure.
 
-    `edges` of the cells are (n + 1,) in angle and (m + 1,) in velocity, and `values` (n, m) per unit of both, all
-    nondimensional; `units` are what the axes show. Colours follow the values to the `power`: the root, 0.5, shows low
-    parts.
+    Edges and values are nondimensional; `units` are what the axes show. Colours follow the values to the `power`: the
+    root, 0.5, shows low parts.
     """
     from matplotlib.colors import PowerNorm
 
@@ -350,26 +272,21 @@ def function_panel(
     power: float = 0.5,
     units: PlaneUnits | None = None,
 ) -> None:
-    """Draw a function of angle and velocity, sampled at 160 x 160 points between the outer edges, on `axes`.
-
-    `function` takes two arrays of one shape, nondimensional, and returns values of that shape; `edges` are two
-    ascending arrays, of angles and velocities. The other arguments are those of `plane_panel`.
-    """
+    """Draw a function of angle and velocity, sampled at 160 x 160 points between the outer edges; see `plane_panel`."""
     fine = [np.linspace(line[0], line[-1], 161) for line in edges]
     values = function(*np.meshgrid(*(0.5 * (line[1:] + line[:-1]) for line in fine), indexing="ij"))
     plane_panel(figure, axes, fine, values, name, power, units)
 
 
 def _title(result, cycle):
-    """Return the time of row `cycle` of a `SurvivalResult`, and survival then, as a text for the title of a panel."""
+    """Time of row `cycle` of a `SurvivalResult`, and survival then, as a text for the title of a panel."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
 
 
 def reliability_panel(axes: Any, probability: Array, observed: Array, groups: int = 8, **style: Any) -> None:
-    """Draw observed shares of overturning over predicted probabilities, in a number of `groups` of equal size.
+    """Draw observed shares of overturning (n,) over predicted probabilities (n,), in groups of equal size.
 
-    `axes` are matplotlib's. `probability` (n,) is predicted, `observed` (n,) whether each block overturned; the
-    intervals are Wilson's, 95 %. `style`: options of ``axes.plot``.
+    The intervals are Wilson's, 95 %; `style` are options of ``axes.plot``.
     """
     from scipy import stats
 

@@ -27,18 +27,7 @@ def scene_text(scene: Scene) -> str:
 
 
 def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
-    """Return one line of text that names a noise and its parameters (nondimensional).
-
-    Parameters
-    ----------
-    noise : BandNoise, WhiteNoise, FilteredNoise or NoNoise
-        The noise of a scene.
-
-    Returns
-    -------
-    str
-        For example ``"band noise, variance 0.04 on [0, 10], 100 harmonics"``.
-    """
+    """Return a noise and its parameters as text: "band noise, variance 0.04 on [0, 10], 100 harmonics"."""
     if noise.envelope is not None:
         return f"{noise_text(dataclasses.replace(noise, envelope=None))}, envelope {noise.envelope}"
     if noise.kind == "band":
@@ -57,10 +46,7 @@ def noise_text(noise: BandNoise | WhiteNoise | FilteredNoise | NoNoise) -> str:
 
 
 def describe_replacement(scene: Scene, solved: Scene) -> str:
-    """Return a sentence on which noise replaced the band noise of `scene`; an empty text where none did.
-
-    `solved` is the scene that was solved in its place, whose noise is the other one.
-    """
+    """Return a sentence on which noise of the scene that was `solved` replaced the band noise; empty where none did."""
     noise = scene.noise
     if noise.kind != "band" or noise == solved.noise:
         return ""
@@ -77,21 +63,12 @@ def describe_replacement(scene: Scene, solved: Scene) -> str:
 
 
 def remarks(*results: Any) -> tuple[str, ...]:
-    """Return the sentences that a reader of some results needs, each once.
-
-    They say with which friction a block slides before it rocks, where one of some size is taken as slender, what the
-    scene remarks on its noise, which noise replaced band noise and what that changes, what a density does not resolve,
-    and what a check that failed may be due to.
+    """Return the sentences that a reader of some results needs, each once: of scene, noise and failed checks.
 
     Parameters
     ----------
     *results : Result
         Results that are shown together, of any engine.
-
-    Returns
-    -------
-    tuple of str
-        Empty where there is nothing to say.
 
     Examples
     --------
@@ -105,10 +82,9 @@ def remarks(*results: Any) -> tuple[str, ...]:
 
 
 def cautions(*results: Any) -> tuple[str, ...]:
-    """Return the sentences, each once, that speak against some results: the reasons of verdicts that are not "ok".
+    """Return the reasons of those verdicts on results that are not "ok", each once.
 
-    `results` are of the class `Result`, with an engine. A picture has room for these alone; the `remarks` stand in
-    tables and files.
+    A picture has room for these alone; the `remarks` stand in tables and files.
     """
     doubtful = (result for result in results if result.trust.verdict != VERDICTS[0])
     sentences = (f"{result.engine}: {reason}" for result in doubtful for reason in result.trust.reasons)
@@ -116,21 +92,14 @@ def cautions(*results: Any) -> tuple[str, ...]:
 
 
 def scene_remarks(result: Any) -> tuple[str, ...]:
-    """Return sentences about the scene of a `Result`: on noise, sliding, what replaced the noise, a corrected baseline.
-
-    The tuple is empty where there is nothing to say.
-    """
+    """Return sentences about the scene of a `Result`: noise and what replaced it, sliding, a corrected baseline."""
     scene = result.scene
     replacement, baseline = getattr(result, "noise_replacement", ""), baseline_remark([scene.forcing])
     return tuple(filter(None, (scene.noise.remark, _harmonics(result), _sliding(scene.block), replacement, baseline)))
 
 
 def _harmonics(result):
-    """Return sentences on what the number of harmonics does to a small probability of overturning; else an empty text.
-
-    `result`: a `Result`. They concern paths of band noise whose last probability is below `RARE`, and stratified
-    frequencies only where there are not `enough_harmonics`.
-    """
+    """Sentences on what the number of harmonics does to a probability below `RARE`; else an empty text."""
     noise = result.scene.noise
     sampled = noise.kind == "band" and (getattr(result, "realizations", None) or 0) > 0 and hasattr(result, "survival")
     if not sampled or not 0.0 < 1.0 - result.survival[-1] < RARE:
@@ -153,15 +122,7 @@ def _harmonics(result):
 def baseline_remark(forcings: Iterable[Forcing]) -> str:
     """Return sentences on what was removed from the baselines of records, and what this changes of PGV and PGA.
 
-    Parameters
-    ----------
-    forcings : iterable of Forcing
-        Those of the scenes of a result; equal samples count once.
-
-    Returns
-    -------
-    str
-        Empty where no baseline was corrected.
+    Equal samples count once; the text is empty where no baseline was corrected.
     """
     records = [forcing for forcing in forcings if isinstance(forcing, Record) and forcing.baseline != "none"]
     records = list({(record.samples, record.interval, record.baseline): record for record in records}.values())
@@ -189,21 +150,18 @@ def baseline_remark(forcings: Iterable[Forcing]) -> str:
 
 
 def _correction(record):
-    """Return the correction of a `Record`'s baseline as a text, as "linear", or "high-pass" with the corner in Hz."""
+    """Correction of a `Record`'s baseline as a text, as "linear", or "high-pass" with the corner in Hz."""
     return f"high-pass, {record.corner_hz:.3g} Hz" if record.baseline == "high-pass" else record.baseline
 
 
 def _line_of(drift):
-    """Return the line of least squares of a `Drift`, its offset and slope, as a text in g and g/s."""
+    """Line of least squares of a `Drift`, its offset and slope, as a text in g and g/s."""
     slope = drift.slope / STANDARD_GRAVITY
     return f"an offset of {drift.offset / STANDARD_GRAVITY:.2g} g and a slope of {slope:.2g} g/s"
 
 
 def drifting(forcing: Forcing) -> list[Diagnostic]:
-    """Return a list with a `Diagnostic` if a record's velocity is that of a drift of its baseline; else an empty list.
-
-    `forcing` may be of any kind; no other than a record drifts.
-    """
+    """Return a caution where the velocity of a record is that of a drift of its baseline; else an empty list."""
     if not isinstance(forcing, Record) or not forcing.drifts:
         return []
     drift = forcing.drift
@@ -218,21 +176,10 @@ def drifting(forcing: Forcing) -> list[Diagnostic]:
 def scene_diagnostics(
     scene: Scene, noise_replacement: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
 ) -> list[Diagnostic]:
-    """Return diagnostics of the model for a scene: known errors of any result for it, whatever those of the method.
+    """Return known errors of any result for a scene, whatever those of the method.
 
-    Parameters
-    ----------
-    scene : Scene
-    noise_replacement : str
-        Which noise replaced that of the scene, if what this changes was not checked; else empty.
-    unresolved : str
-        What the result does not resolve, as a sentence; empty where it resolves everything.
-    scales : (float, float)
-        Smallest and largest scale of the shaking, where there are several.
-
-    Returns
-    -------
-    list of Diagnostic
+    `noise_replacement` says which noise replaced that of the scene, if what this changes was not checked; `unresolved`
+    what the result does not resolve; both may be empty. `scales` are the smallest and the largest scale of the shaking.
     """
     diagnostics = _slender(scene.block) + drifting(scene.forcing)
     implausibilities = implausible(scene, *scales)
@@ -242,7 +189,7 @@ def scene_diagnostics(
 
 
 def _sliding(block):
-    """Return with which friction a `Block` slides before it rocks, as a sentence; empty where its size is unknown."""
+    """With which friction a `Block` slides before it rocks, as a sentence; empty where its size is unknown."""
     least = block.least_friction
     if least is None:
         return ""
@@ -253,10 +200,7 @@ def _sliding(block):
 
 
 def _slender(block):
-    """Return a list with a `Diagnostic` if a `Block` is taken as slender in spite of its dimensions; else an empty one.
-
-    It says by how much the moments about the corner are wrong.
-    """
+    """A caution where a `Block` is taken as slender in spite of its dimensions: how wrong its moments are."""
     if not block.slender or block.size is None:
         return []
     size = block.size
@@ -274,10 +218,7 @@ EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion
 
 
 def path_diagnostics(method: str) -> list[Diagnostic]:
-    """Return a list of `Diagnostic` on the one path of a deterministic scene, by the name of the method.
-
-    It has a caution, or nothing if the method is exact.
-    """
+    """Return a caution on the one path of a deterministic scene, or nothing if the method is exact."""
     if method == "exact":
         return []
     sentence = (

@@ -216,7 +216,7 @@ class Result:
         return f"{type(self).__name__}: {self.title}"
 
     def _repr_html_(self) -> str:
-        """Return the result as HTML (str) for a notebook: title, figures, verdict and picture."""
+        """Result as HTML (str) for a notebook: title, figures, verdict and picture."""
         from fpk_rocking.results.pictures import picture_html
 
         rows = "".join(
@@ -288,7 +288,7 @@ class Result:
         return _optional("xarray").Dataset(arrays, places, about)
 
     def _figures(self):
-        """Return a dict of the single numbers and texts among the metadata, by name."""
+        """Dict of the single numbers and texts among the metadata, by name."""
         return {name: value for name, value in self.metadata.items() if isinstance(value, str | int | float)}
 
 
@@ -315,7 +315,7 @@ def _array_fields(cls):
 
 
 def _dims(dims):
-    """Return the tuple of dimensions that stand in a text, as in "time side"."""
+    """Tuple of dimensions that stand in a text, as in "time side"."""
     return tuple(dims.split()) if isinstance(dims, str) else dims
 
 

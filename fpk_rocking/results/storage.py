@@ -30,18 +30,10 @@ from fpk_rocking.scene.scene import Scene
 
 @contextlib.contextmanager
 def replaced_atomically(path: File) -> Iterator[pathlib.Path]:
-    """Give a temporary path to write to; it takes the place of `path` when the block ends without an exception.
+    """Give a temporary path beside `path`; it takes its place when the block ends without an exception.
 
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The file to write; its folder is made where missing.
-
-    Yields
-    ------
-    pathlib.Path
-        A new name in the same folder with the same suffix. Whatever is there is removed on any exception, an
-        interruption included, and `path` is then as it was.
+    Folders are made where missing. On any exception, an interruption included, whatever was written is removed, and
+    `path` is as it was.
     """
     file_path = checks.path("path", path)
     file_path.parent.mkdir(parents=True, exist_ok=True)
@@ -58,34 +50,25 @@ def replaced_atomically(path: File) -> Iterator[pathlib.Path]:
 
 
 def write_text(path: File, text: str) -> None:
-    """Write a text file in UTF-8, complete or not at all; `path` is its path."""
+    """Write a text file in UTF-8, whole or not at all."""
     with replaced_atomically(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 def write_csv(path: File, names: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table as a CSV file in UTF-8 at a path, complete or not at all.
-
-    `names` are those of the columns, and `rows` sequences of as many values.
-    """
+    """Write a table, names and rows of as many values, as a CSV file in UTF-8, whole or not at all."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([names, *rows])
     write_text(path, text.getvalue())
 
 
 def write_json(path: File, values: Any) -> None:
-    """Write values as a JSON file, complete or not at all; ValueError for nan, which JSON has not.
-
-    `values` are such as `plain` returns.
-    """
+    """Write values such as `plain` returns as a JSON file, whole or not at all; ValueError for nan."""
     write_text(path, json.dumps(values, indent=1, allow_nan=False, ensure_ascii=False) + "\n")
 
 
 def plain(value: Any) -> Any:
-    """Return a value, at any depth, as JSON holds it: dicts of text, lists, Python's numbers, and None in place of nan.
-
-    Lists stand in place of arrays and tuples, and Python's numbers in place of numpy's.
-    """
+    """Return a value, at any depth, as JSON holds it: dicts, lists, Python's numbers, and None in place of nan."""
     if isinstance(value, dict):
         return {name: plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
@@ -164,20 +147,14 @@ def form_of(annotation: Any) -> str | None:
 
 
 def _nested(annotation):
-    """Return (class, whether None is allowed) of an annotation by a class with fields of its own; None for any other.
-
-    Such a class is a NamedTuple or a dataclass.
-    """
+    """(class, whether None is allowed) of an annotation by a NamedTuple or a dataclass; None for any other."""
     options = [option for option in typing.get_args(annotation) if option is not type(None)]
     cls = options[0] if len(options) == 1 else annotation
     return (cls, cls is not annotation) if hasattr(cls, "_fields") or dataclasses.is_dataclass(cls) else None
 
 
 def _take_apart(result, prefix, arrays, attributes, scenes):
-    """Collect what a result holds by the names that it has in a file, which begin with `prefix`; return None.
-
-    Arrays are put into the dict `arrays`, plain values into the dict `attributes`, and scenes into the list `scenes`.
-    """
+    """Collect arrays, plain attributes and scenes of a result by their names in a file, which begin with `prefix`."""
     for name, annotation in fields_of(type(result)):
         value = getattr(result, name)
         if form_of(annotation):
@@ -191,11 +168,7 @@ def _take_apart(result, prefix, arrays, attributes, scenes):
 
 
 def _build(cls, prefix, parts, scenes, lengths):
-    """Return an object of the class `cls` made of what `_take_apart` collected, which is taken out of `parts`.
-
-    `prefix` begins the names in `parts`, a dict of arrays and attributes; `scenes` is the list of all scenes, and
-    `lengths` the dict of the lengths of letters, which is added to.
-    """
+    """An object of a class from what `_take_apart` collected, taken out of `parts`; `lengths` as of `_fits`."""
     values = {}
     for name, annotation in fields_of(cls):
         key, nested = prefix + name, _nested(annotation)
@@ -215,10 +188,7 @@ def _build(cls, prefix, parts, scenes, lengths):
 
 
 def _check(name, value, annotation, lengths):
-    """Raise ValueError where a value, an array or an attribute, is not as its annotation says; else return None.
-
-    `name` is for the message, and `lengths` the dict of the lengths of letters, which is added to.
-    """
+    """Refuse a value, an array or an attribute, that is not as its annotation says."""
     form = form_of(annotation)
     if form is None:
         kind = typing.get_origin(annotation) or annotation
@@ -234,10 +204,7 @@ def _check(name, value, annotation, lengths):
 
 
 def _fits(length, dim, lengths):
-    """Whether the length of an axis is as stated by a text such as "2", "side", "n" or "20k+1".
-
-    The first length of a letter or word is kept in the dict `lengths`.
-    """
+    """Whether the length of an axis is as stated by a text such as "2", "side", "n" or "20k+1"."""
     ((factor, name, added),) = re.findall(r"^(\d*)([a-z_]*)(\+1)?$", dim)
     length, factor = length - bool(added), int(factor or 1)
     if not name or name in LABELS:
@@ -247,7 +214,7 @@ def _fits(length, dim, lengths):
 
 @contextlib.contextmanager
 def _opened(path):
-    """Open the result file at a path and yield (header, archive): a dict, see `_header`, and a `zipfile.ZipFile`."""
+    """Open a result file and yield its header, a dict, and the `zipfile.ZipFile`."""
     try:
         file = checks.path("path", path).open("rb")
     except FileNotFoundError:
@@ -264,10 +231,9 @@ def _opened(path):
 
 
 def _array(path, archive, name):
-    """Read an array by its name, without .npy, from a `zipfile.ZipFile`, and return it; `path` is for messages.
+    """Read an array from a result file.
 
-    It is read to the end first: numpy reads no further than a shape says, and the checksum is known last. ValueError
-    where it is missing or damaged.
+    It is read to the end first: numpy reads no further than a shape says, and the checksum is known last.
     """
     try:
         with archive.open(f"{name}.npy") as member:
@@ -280,12 +246,12 @@ def _array(path, archive, name):
 
 
 def _damaged(path, error):
-    """Return the ValueError for a file at `path` whose bytes are damaged, as an exception `error` showed."""
+    """Error for a file whose bytes are damaged."""
     return ValueError(f"{path}: a damaged saved result ({error})")
 
 
 def _header(path, archive):
-    """Read, check and return the header (dict) of a result file from its `zipfile.ZipFile`; `path` is for messages."""
+    """Read and check the header of a result file."""
     refusal = f"{path}: not a saved result (no header); accepted: a result file (.npz)"
     if f"{_HEADER}.npy" not in archive.namelist():
         raise ValueError(refusal)

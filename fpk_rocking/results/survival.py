@@ -15,10 +15,7 @@ LEAST_OVERTURNING = 1e-6
 
 
 class RowResult(Result):
-    """A result with a row for each of some times: after each forcing cycle, or where it does not repeat at `times`.
-
-    A subclass has a `scene` and `times` τ, ndarray (rows,), from 0 on.
-    """
+    """A result with a `scene` and a row for each of its `times` τ: after each forcing cycle, if the forcing repeats."""
 
     if TYPE_CHECKING:
         times: Any
@@ -60,7 +57,7 @@ class RowResult(Result):
         Parameters
         ----------
         row : int
-            Number of the row, from 0.
+            From 0 on.
         """
         if self.cycles is not None:
             return f"after {row} cycle{'s' * (row != 1)}"
@@ -96,15 +93,12 @@ class SurvivalResult(RowResult):
     shown_bins : int
         Least number of bins along an axis in pictures; 0 where only some bins are known.
 
+
     Notes
     -----
-    A subclass has these methods besides:
-
-    * ``survival_interval(level=0.95)``: confidence limits of survival (cycles + 1, 2); None for a density, which is no
-      sample.
-    * ``_binned(row, edges)``: what `bin_probabilities` returns, of checked input.
-    * ``at(cycle)``: the density as a function on a mesh; None for a sample, which is known in bins only.
-    * ``overturning_text()``: the last probability of overturning with its error, as in "P(overturned) = 0.5 ± 0.02".
+    A subclass has ``_binned(row, edges)``, what `bin_probabilities` returns, of checked input, and
+    ``overturning_text()``, the last probability of overturning with its error, as in "P(overturned) = 0.5 ± 0.02". A
+    density has ``at(cycle)`` besides, itself as a function on a mesh.
 
     Examples
     --------
@@ -117,32 +111,27 @@ class SurvivalResult(RowResult):
     Monte Carlo exact 0.86
     """
 
-    if TYPE_CHECKING:  # fields and methods of every subclass, listed above
-        times: Any
+    if TYPE_CHECKING:  # of every subclass, listed above
         survival: Any
         overturned: Any
         wall_s: Any
         realizations: Any
-        at: Any
+        engine: Any
+        deterministic: Any
         _binned: Any
-        survival_interval: Any
         error_estimate: Any
 
-        @property
-        def engine(self) -> str:
-            """Name of the engine with its method, for titles: "Fokker-Planck density" or "Monte Carlo exact"."""
-
-        @property
-        def deterministic(self) -> bool:
-            """Whether nothing is random."""
+    @property
+    def interval(self) -> Array | None:
+        """95 % limits of survival, shape (cycles + 1, 2); None for a density, and where nothing is random."""
+        return None
 
     @property
     def overturning_error(self) -> float | None:
         """Error of the last probability of overturning in parts of it; None where nothing is random.
 
-        Of a sample half the width of the 95 % interval; None where no path has overturned, as that interval is then the
-        answer: the probability is below its limit. Of a density the total error, or the solver's where the replacement
-        of the noise was not checked.
+        Of a sample half the width of the 95 % interval; None where no path has overturned: that limit is the answer. Of
+        a density the total error, or the solver's where the replacement of the noise was not checked.
         """
         if self.deterministic:
             return None
@@ -165,16 +154,11 @@ class SurvivalResult(RowResult):
         return self.engine if self.realizations is None else f"{self.engine}, {self.realizations:,} realizations"
 
     @property
-    def interval(self) -> Array | None:
-        """95 % limits of survival, shape (cycles + 1, 2); None for a density, and where nothing is random."""
-        return None if self.deterministic else self.survival_interval(0.95)
-
-    @property
     def title(self) -> str:
         """The engine, and the last survival with its error, as a line of text."""
         survival, until = float(self.survival[-1]), self.when(len(self.times) - 1).removeprefix("after ")
         if self.interval is None:
-            error = f"{survival:.4f} ± {self.metadata['error_estimate']:.1g}"
+            error = f"{survival:.4f} ± {self.error_estimate:.1g}"
         else:
             error = f"{survival:.4f} ({self.interval[-1][0]:.4f} to {self.interval[-1][1]:.4f})"
         return f"{self.label}, survival {error} after {until}"
@@ -224,7 +208,7 @@ class SurvivalResult(RowResult):
         return self._binned(row, [ascending_edges(name, values, finite=False) for name, values in named])
 
     def plot(self, what: str | None = None, cycle: int | None = None) -> Any:
-        """Draw the result.
+        """Draw the result; returns a matplotlib figure, and raises TypeError or ValueError where there is none.
 
         Parameters
         ----------
@@ -233,21 +217,12 @@ class SurvivalResult(RowResult):
             divided by its area; "density", the density itself where there is one. By default survival and bins.
         cycle : int, optional
             Cycle of the bins or the density; by default the last one after which more than one block in 1,000 stands.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-
-        Raises
-        ------
-        TypeError, ValueError
-            This result has no such picture, or no such cycle.
         """
         from fpk_rocking.results.pictures import figure_of, result_panels
 
         if cycle is None:
             cycle = int(max(np.flatnonzero(np.asarray(self.survival) > 1e-3), default=0))
-        names = ["survival", "bins"] + ["density"] * (cycle > 0 and self.at(cycle) is not None)
+        names = ["survival", "bins"] + ["density"] * (cycle > 0 and self.realizations is None)
         if what is not None and what not in names:
             raise ValueError(checks.refusal("what", what, ", ".join(map(repr, names))))
         return figure_of(*result_panels(self, what, cycle))

@@ -98,7 +98,7 @@ class Trust(NamedTuple):
 
     @property
     def plain(self) -> dict[str, Any]:
-        """A dict for JSON: "verdict", a text, and "reasons", a list of texts."""
+        """For JSON: "verdict", a text, and "reasons", a list of texts."""
         return {"verdict": self.verdict, "reasons": list(self.reasons)}
 
     @property
@@ -112,17 +112,8 @@ class Trust(NamedTuple):
 def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
     """Return the verdict that follows from diagnostics: the largest severity, with the messages that speak against.
 
-    Parameters
-    ----------
-    diagnostics : iterable of Diagnostic
-    reason : str
-        Reason of the verdict "ok" where no figure has a limit. Without one, a result that has no such figure gets
-        "caution": nothing says how large its error is.
-
-    Returns
-    -------
-    Trust
-        Named tuple: `verdict`, "ok", "caution" or "do not use", and `reasons`, a tuple of sentences.
+    `reason` is that of the verdict "ok" where no figure has a limit. Without one, a result that has no such figure gets
+    "caution": nothing says how large its error is.
     """
     diagnostics = list(dict.fromkeys(diagnostics))
     judged = [diagnostic for diagnostic in diagnostics if diagnostic.value is not None and diagnostic.message]
@@ -137,18 +128,9 @@ def verdict(diagnostics: Iterable[Diagnostic], reason: str = "") -> Trust:
 def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = math.inf) -> list[Diagnostic]:
     """Hold error figures against their limits.
 
-    Parameters
-    ----------
-    values : dict
-        Figures by the names of `DIAGNOSTICS`: numbers, or arrays with an entry for each time, of which the largest
-        counts. Where the last one alone could be used there is caution at most. Other names are passed over.
-    tol, bins_tol : float
-        Errors of survival and of the binned density that were asked for.
-
-    Returns
-    -------
-    list of Diagnostic
-        In the order of `DIAGNOSTICS`.
+    `values` has numbers, or arrays with an entry for each time, by the names of `DIAGNOSTICS`; other names are passed
+    over. Of an array the largest counts; where its last entry alone could be used there is caution at most. `tol` and
+    `bins_tol` are the errors of survival and of the binned density that were asked for.
     """
     diagnostics = []
     for name, (figure, caution, unusable) in _limits(tol, bins_tol, values).items():
@@ -171,17 +153,13 @@ def assess(values: Mapping[str, Any], tol: float = UNASKED, bins_tol: float = ma
 
 
 def _beside(value, limit):
-    """Return `value` as a text, with the two to six digits that distinguish it from `limit`; both are floats."""
+    """A value as a text, with the two to six digits that distinguish it from a limit."""
     texts = (f"{value:.{digits}g}" for digits in range(2, 7))
     return next((text for text in texts if float(text) != limit), f"{value:.2g}")
 
 
 def _limits(tol, bins_tol, values=()):
-    """Return a dict of (description, limit of "ok", limit of "caution") by the name of each error figure.
-
-    The description is a text, the limits are floats, inf for none. `tol` and `bins_tol` are the wanted errors of
-    survival and of the binned density, `values` a dict of the figures that there are, numbers or arrays by name.
-    """
+    """(description, limit of "ok", limit of "caution") of each error figure by its name; inf for no limit."""
     useless, never = max(USELESS, tol), (math.inf, math.inf)
     below = "integral of the density where it is below 0"
     values = dict(values)

@@ -13,7 +13,8 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, Progress
 from fpk_rocking.results.remarks import EXACT_PATH
-from fpk_rocking.results.sampling import return_diagnostics, wilson_interval
+from fpk_rocking.results.returns import return_diagnostics
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.survival import RowResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, Diagnostic
 from fpk_rocking.scene.scene import Scene

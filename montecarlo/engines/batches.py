@@ -9,7 +9,7 @@ import numpy as np
 from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.jit import map_threads, thread_count
 from fpk_rocking.physics.motion.events import ImpactRecord
-from fpk_rocking.results.sampling import angle_of_fall
+from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import ranges
 from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene

@@ -15,7 +15,8 @@ import numpy as np
 from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
-from fpk_rocking.results.sampling import return_diagnostics, wilson_interval
+from fpk_rocking.results.returns import return_diagnostics
+from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.ranges import joint_edges
@@ -303,15 +304,10 @@ class Sample(SurvivalResult):
         interval = values.pop("survival_interval", None)
         return values if interval is None else values | {"interval": interval}
 
-    def at(self, cycle: int) -> None:  # noqa: ARG002  (the same call as of a density)
-        """Return None: a sample has no density. Use `bin_probabilities`.
-
-        Parameters
-        ----------
-        cycle : int
-            Not used.
-        """
-        return
+    @property
+    def interval(self) -> Array | None:
+        """95 % limits of survival, shape (cycles + 1, 2); None where nothing is random."""
+        return None if self.deterministic else self.survival_interval(0.95)
 
     @property
     def survivors(self) -> Array:

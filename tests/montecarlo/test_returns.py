@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fpk_rocking import NoNoise, Overturning, Pulse, Scene, load_scene, probability
-from fpk_rocking.results.sampling import angle_of_fall, return_diagnostics
+from fpk_rocking.results.returns import angle_of_fall, return_diagnostics
 from montecarlo import simulate, tally
 
 # A strong pulse, under which more than a third of the blocks that pass 29 degrees come back.

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from made_results import SAMPLES, WITH_ROWS, equal, kind
 from matplotlib.figure import Figure
+from scipy.interpolate import RegularGridInterpolator
 
 from fpk_rocking.output import figures, vtk
-from fpk_rocking.results import pictures
 from fpk_rocking.studies.picture import draw_surface
 from montecarlo.poincare import MeanMap
 from montecarlo.results.statistics import Histogram
@@ -53,12 +53,10 @@ def test_pictures_of_survival_and_bins(name):
     assert plane.get_title().endswith(f"survival {columns['survival'][97]:.4f}")
 
 
-def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypatch):
-    saved = []
-    monkeypatch.setattr(pictures, "save", lambda figure, path: saved.append(figure) or path)
+def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, drawn):
     density, sample = kind("density"), kind("ensemble")
     figures.survival_figure(tmp_path / "survival.png", [density.result, sample.result], "Survival")
-    survival, tail, leakage, difference = saved[0].axes
+    survival, tail, leakage, difference = drawn[0].axes
     for axes in (survival, tail):
         equal(axes.lines[0].get_ydata(), density.columns["survival"])
         equal(axes.containers[0][0].get_ydata(), sample.columns["survival"])
@@ -73,7 +71,7 @@ def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, monkeypat
     equal(bars(difference.containers[0])[1], wanted["difference"] + 1.96 * wanted["standard_error"])
     figures.density_maps(tmp_path / "maps.png", [density.result, sample.result], [2, 140], "Maps")
     for axes, (columns, row) in zip(
-        saved[1].axes, ((result.columns, row) for result in (density, sample) for row in (2, 140)), strict=False
+        drawn[1].axes, ((result.columns, row) for result in (density, sample) for row in (2, 140)), strict=False
     ):
         left, right = columns["overturned_left"][row], columns["overturned_right"][row]
         assert axes.get_title().endswith(f"overturned {left:.3f} left, {right:.3f} right")
@@ -133,22 +131,21 @@ def test_pictures_of_curves(name):
             equal(drawn[:, 1], fit(drawn[:, 0]))
 
 
-def test_pictures_of_surfaces_and_sweeps(monkeypatch):
+def test_pictures_of_surfaces_and_sweeps():
     result, _, variables, places = kind("surface")
-    seen = {}
     figure = result.plot()
     axes = figure.axes[0]
     equal(axes.lines[0].get_xydata(), np.stack([[fits[0].median for fits in result.fits], places["size"]], axis=1))
     assert axes.get_xlim() == pytest.approx((places["scale"][0], places["scale"][-1]))
     assert axes.get_ylim() == pytest.approx((places["size"][0], places["size"][-1]))
-    monkeypatch.setattr(
-        "fpk_rocking.studies.picture.draw_map",
-        lambda _, *axes_values: seen.update(zip("xyz", axes_values, strict=True)),
-    )
-    draw_surface(axes, result, 1)
-    equal(seen["x"], places["scale"])
-    equal(seen["y"], places["size"])
-    equal(seen["z"], variables["probability"][1][:, 1])
+    alone = Figure().subplots()
+    draw_surface(alone, result, 1)
+    shown = RegularGridInterpolator((places["size"], places["scale"]), variables["probability"][1][:, 1])
+    bands = alone.collections[0].get_paths()
+    assert len(bands) == 10
+    for number, filled in enumerate(bands):
+        values = shown(filled.vertices[:, ::-1])
+        assert (np.abs(values - 0.1 * number - 0.05) <= 0.05 + 1e-9).all()
     result, _, variables, places = kind("sweep")
     (axes,) = result.plot("survival").axes
     assert len(axes.lines) == len(places["b"])
@@ -178,10 +175,8 @@ def test_pictures_and_files_of_functions_of_the_plane(tmp_path):
     equal(values, plane(quads[:, 0], quads[:, 1]))
 
 
-def test_the_picture_of_motions(tmp_path, monkeypatch):
+def test_the_picture_of_motions(tmp_path, drawn):
     """Histories with impacts and overturning, points of the last cycle, their mean, and two histograms."""
-    saved = []
-    monkeypatch.setattr(pictures, "save", lambda figure, path: saved.append(figure) or path)
     result, _, variables, _ = kind("histories")
     paths, states = result.realizations, kind("ensemble").variables
     few = {name: values for name, (_, values) in variables.items()}
@@ -189,9 +184,9 @@ def test_the_picture_of_motions(tmp_path, monkeypatch):
     means = MeanMap(rng.normal(size=(5, 2)), rng.uniform(size=(5, 2)), np.full(5, 9), None)
     bins = [Histogram(edges, np.zeros(3), *_with_limits(rng.uniform(1.0, 2.0, 3))) for _ in range(2)]
     motion.motion_figure(tmp_path / "motion.png", result, kind("ensemble").result, {"mean": means}, *bins, "Motions")
-    panels = {axes.get_title() or axes.get_ylabel(): axes for axes in saved[0].axes[paths:]}
-    assert [axes.get_title()[:3] for axes in saved[0].axes[:paths]] == ["(a)"] + [""] * (paths - 1)
-    for number, axes in enumerate(saved[0].axes[:paths]):
+    panels = {axes.get_title() or axes.get_ylabel(): axes for axes in drawn[0].axes[paths:]}
+    assert [axes.get_title()[:3] for axes in drawn[0].axes[:paths]] == ["(a)"] + [""] * (paths - 1)
+    for number, axes in enumerate(drawn[0].axes[:paths]):
         curves = {line.get_marker(): line for line in axes.lines[3:]}
         equal(curves["None"].get_ydata(), few["angle"][number])
         equal(curves["o"].get_xdata(), few["impact_time"][few["impact_realization"] == number])

@@ -185,12 +185,10 @@ TABLE = re.compile(r"<table>(.*?)</table>", re.DOTALL)
 
 
 @pytest.fixture
-def written(tmp_path, monkeypatch):
-    """Header and rows of a report's table, and its film, as a function of the result; its picture is left out."""
-    monkeypatch.setattr(report, "picture_html", lambda *_: "")
+def written(tmp_path):
+    """Header and rows of a report's table, and its film, as a function of the result."""
 
     def read(result, films=()):
-        monkeypatch.setattr(type(result), "plot", lambda _: None)
         report.write_report(tmp_path / "report.html", result, {}, films=films)
         text = (tmp_path / "report.html").read_text(encoding="utf-8")
         rows = re.findall("<tr>(.*?)</tr>", TABLE.search(text)[1])

@@ -4,7 +4,6 @@ import itertools
 import json
 import math
 import re
-import subprocess
 import sys
 
 import fakes
@@ -24,19 +23,6 @@ from fpk_rocking.scene.ranges import joint_edges
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 DENSITY = fakes.FakeEvolution(MAIN)
 ENSEMBLE = fakes.FakeEnsemble(MAIN, realizations=2_000)
-
-
-@pytest.fixture
-def drawn(monkeypatch):
-    """The figures that were saved."""
-    saved, save = [], pictures.save
-
-    def keep(figure, path):
-        saved.append(figure)
-        return save(figure, path)
-
-    monkeypatch.setattr(pictures, "save", keep)
-    return saved
 
 
 def test_surfaces_of_both_engines(tmp_path, drawn):
@@ -186,31 +172,25 @@ def test_progress_in_a_terminal_is_a_bar_on_standard_error(capsys, monkeypatch):
     assert captured.out == ""
 
 
-def test_probe_survives_a_crash_and_names_the_library(monkeypatch):
-    crashed = subprocess.CompletedProcess([], -11, "missing libEGL.so.1\nmissing libOSMesa.so.8\n", "noise\n")
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: crashed)
-    rendering = opengl.probe_rendering()
+def test_probe_survives_a_crash_and_names_the_library():
+    lines = [f"print('missing {name}', flush=True)" for name in ("libEGL.so.1", "libOSMesa.so.8")]
+    rendering = opengl.probe_rendering(program="\n".join([*lines, "import os", "os.kill(os.getpid(), 11)"]))
     assert not rendering.works
     assert rendering.missing == ("libEGL.so.1", "libOSMesa.so.8")
     assert "SIGSEGV" in rendering.reason
     assert "libEGL.so.1" in rendering.reason
 
 
-@pytest.mark.parametrize("error", [subprocess.TimeoutExpired("probe", 60.0), OSError("no more processes")])
-def test_probe_never_raises(monkeypatch, error):
-    def fail(*_, **__):
-        raise error
-
-    monkeypatch.setattr(subprocess, "run", fail)
-    rendering = opengl.probe_rendering()
+@pytest.mark.parametrize("program", ["import time; time.sleep(60.0)", "# longer than an argument may be\n" * 10**6])
+def test_probe_never_raises(program):
+    rendering = opengl.probe_rendering(1.0, program)
     assert not rendering.works
-    assert rendering.reason
+    assert rendering.reason.startswith("the off-screen rendering probe ")
 
 
-def test_probe_names_a_missing_package(monkeypatch):
-    failed = subprocess.CompletedProcess([], 1, "", "ModuleNotFoundError: No module named 'pyvista'\n")
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: failed)
-    assert "fpk-rocking[view]" in opengl.probe_rendering().reason
+def test_probe_names_a_missing_package():
+    program = "raise ModuleNotFoundError(\"No module named 'pyvista'\")"
+    assert "fpk-rocking[view]" in opengl.probe_rendering(program=program).reason
 
 
 def test_times_after_a_pulse_are_in_seconds_where_the_size_is_known():

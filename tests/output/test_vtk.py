@@ -144,15 +144,8 @@ def test_an_ensemble_has_no_negative_mass(tmp_path):
         assert "negative_mass" not in mesh.field_data
 
 
-def test_interrupted_series_leaves_whole_files_and_no_listing(tmp_path, monkeypatch):
-    write = meshio.Mesh.write
-
-    def interrupted(mesh, path, **options):
-        write(mesh, path, **options)
-        if "0002" in path.name:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(meshio.Mesh, "write", interrupted)
-    with pytest.raises(KeyboardInterrupt):
+def test_a_series_that_ends_early_leaves_whole_files_and_no_listing(tmp_path):
+    (tmp_path / "jpdf_0002.vtu").mkdir()
+    with pytest.raises(IsADirectoryError):
         vtk.write_series(tmp_path, "jpdf", DENSITY, [1, 2, 4])
-    assert [path.name for path in tmp_path.iterdir()] == ["jpdf_0001.vtu"]
+    assert {path.name for path in tmp_path.iterdir()} == {"jpdf_0001.vtu", "jpdf_0002.vtu"}

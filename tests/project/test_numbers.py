@@ -13,6 +13,7 @@ import re
 
 import pytest
 from PIL import Image
+from test_pages import PAGES
 
 from fpk_rocking.results import pictures
 
@@ -29,35 +30,16 @@ LONG = 100
 # below, picture by picture.
 EQUAL = "docs/benchmarks/time_at_equal_error.json"
 SOURCES = {
-    "CONTRIBUTING.md": [],
     "README.md": ["docs/tutorials/first_block.md", EQUAL, "docs/gallery.md"],
-    "docs/benchmarks.md": [],
-    "docs/extending.md": [],
-    "docs/faq.md": [],
-    "docs/fragility.md": [],
-    "docs/howto/install.md": [],
     "docs/howto/large_and_rare.md": ["docs/benchmarks/monte_carlo_accuracy_of_the_engines.json"],
-    "docs/howto/noise.md": [],
-    "docs/howto/pictures.md": [],
-    "docs/howto/scene.md": [],
-    "docs/howto/sweeps.md": [],
     "docs/index.md": ["docs/tutorials/first_block.md"],
-    "docs/limits.md": [],
     "docs/long_horizon.md": ["docs/benchmarks/one_cycle_operator.json"],
     "docs/numerics.md": ["docs/gallery/rest.json", "docs/benchmarks/density_solver_filtered_noise.json"],
     "docs/monte_carlo.md": ["docs/benchmarks/monte_carlo_accuracy_of_the_engines.json", "docs/gallery/fig07.json"],
     "docs/paper.md": [path.relative_to(ROOT).as_posix() for path in sorted(DOCS.glob("gallery/*.json"))],
     "docs/reference_values.md": [path.relative_to(ROOT).as_posix() for path in DOCS.glob("reference_values/*.toml")],
-    "docs/reliability.md": [],
     "docs/results.md": ["fpk_rocking/results/trust.py"],
-    "docs/project/design.md": [],
-    "docs/related.md": [],
-    "docs/symbols.md": [],
-    "docs/tutorials/first_block.md": [],
-    "docs/tutorials/fragility.md": [],
     "docs/tutorials/long_run.md": ["docs/benchmarks/one_cycle_operator.json"],
-    "docs/theory.md": [],
-    "docs/tutorials/statue.md": [],
     "docs/tutorials/paper_fig06.md": ["docs/gallery/fig06.json"],
     "docs/validation.md": [EQUAL],
     "docs/world.md": ["docs/benchmarks/shake_table_tests.json"],
@@ -241,9 +223,9 @@ def unheld(page):
     return missing
 
 
-@pytest.mark.parametrize("name", SOURCES)
-def test_numbers_of_a_page_are_measured_or_run(name):
-    assert unheld(ROOT / name) == []
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "gallery.md"], ids=lambda page: page.name)
+def test_numbers_of_a_page_are_measured_or_run(page):
+    assert unheld(page) == []
 
 
 class TitleError(Exception):
@@ -295,11 +277,6 @@ def test_what_pictures_say_follows_from_their_numbers(monkeypatch):
             values = held(f"docs/{path.parent.name}/{files[path.name]}") | derived.get(path.name, set())
             missing[path.name] = [n for n in numbers(title) if not is_held(n, values, f"{n} %" in title)]
     assert {name: some for name, some in missing.items() if some} == {}
-
-
-def test_exceptions_are_needed():
-    for name, allowed in ALLOWED.items():
-        assert set(allowed) <= set(numbers(prose(ROOT / name))), name
 
 
 def test_a_number_is_held_as_it_is_rounded():

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from fpk_rocking import Start
 from fpk_rocking.density import Evolution
-from fpk_rocking.results.sampling import Replacement
+from fpk_rocking.results.replacement import Replacement
 from fpk_rocking.studies import fragility
 from montecarlo import histories, simulate, tally
 
