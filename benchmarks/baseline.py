@@ -13,9 +13,8 @@ from report import table, write_section
 
 from fpk_rocking import Record, Scene
 from fpk_rocking.physics.forcing.files import UNITS
-from fpk_rocking.risk import Hazard, at_intensity
-from fpk_rocking.studies import fragility, synthetic_records
-from fpk_rocking.studies.motions import recorded_scenes
+from fpk_rocking.risk import Hazard, at_intensity, fragility, synthetic_records
+from fpk_rocking.risk.motions import recorded_scenes
 
 OFFSET, SLOPE = 0.004, 2e-4
 HAZARD = Hazard.power_law(rate=1e-4, exponent=2.5)

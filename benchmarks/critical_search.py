@@ -14,9 +14,8 @@ from baseline import motions_of
 from report import table, write_section
 
 from fpk_rocking import BandNoise, Scene
-from fpk_rocking.risk import Hazard, study
-from fpk_rocking.studies import critical_intensities
-from fpk_rocking.studies.outcomes import FINE, SETTLED, first_scale
+from fpk_rocking.risk import Hazard, critical_intensities, study
+from fpk_rocking.risk.outcomes import FINE, SETTLED, first_scale
 from montecarlo.engines.scaled_paths import ScaledPaths
 
 BLOCKS = (0.5, 1.8), (0.3, 1.5)

@@ -18,10 +18,9 @@ from scipy import special, stats
 
 from fpk_rocking import Scene
 from fpk_rocking.results.storage import plain, write_json
-from fpk_rocking.risk import Hazard, annual_frequency
-from fpk_rocking.studies import Draws, Fragility, IntensityCurve
-from fpk_rocking.studies.lognormal import REJECTED
-from fpk_rocking.studies.outcomes import MotionOutcomes, overturns
+from fpk_rocking.risk import Draws, Fragility, Hazard, IntensityCurve, annual_frequency
+from fpk_rocking.risk.lognormal import REJECTED
+from fpk_rocking.risk.outcomes import MotionOutcomes, overturns
 
 MEDIAN, RECORDS, BLOCKS, NOISE = 0.7, 0.4, 0.25, 0.25
 EXPONENT, HIGHEST, PATHS = 2.5, 0.85, 50

@@ -18,7 +18,7 @@ import pandas as pd
 import report
 
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, to_nrml, to_pelicun
-from fpk_rocking.studies.lognormal import LognormalFit
+from fpk_rocking.risk.lognormal import LognormalFit
 
 TOLERANCE = 1e-6
 RATE_TOLERANCE = {"lognormal": 1e-3, "points": 0.03}

@@ -29,8 +29,9 @@ from report import table, write_section
 from fpk_rocking import Scene, probability, solve_fpk
 from fpk_rocking.base.jit import at_most
 from fpk_rocking.results.sampling import wilson_interval
+from fpk_rocking.risk import synthetic_records
 from fpk_rocking.scene import FilteredNoise, Pulse
-from fpk_rocking.studies import overturning, synthetic_records
+from fpk_rocking.studies import overturning
 from fpk_rocking.studies.probability import WantedError
 from montecarlo import simulate, split
 from montecarlo.engines.walkers import score_table

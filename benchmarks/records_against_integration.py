@@ -15,8 +15,7 @@ from report import table, write_section
 from scipy.integrate import solve_ivp
 
 from fpk_rocking import Record, Scene
-from fpk_rocking.risk import Hazard, study
-from fpk_rocking.studies import critical_intensities
+from fpk_rocking.risk import Hazard, critical_intensities, study
 
 WIDTH, HEIGHT, G = 0.5, 1.8, 9.80665
 MOTIONS, FACTORS = 30, (1.5, 2.5, 4.0, 7.0, 12.0)

@@ -22,7 +22,8 @@ import numpy as np
 from report import ROOT
 
 from fpk_rocking import BandNoise, load_scene
-from fpk_rocking.studies import fragility, grid, scaled, sweep
+from fpk_rocking.risk import fragility
+from fpk_rocking.studies import grid, scaled, sweep
 from fpk_rocking.studies.execution import seed_of
 from montecarlo import simulate
 

@@ -23,8 +23,7 @@ from fpk_rocking import Block, Dimensions, NoNoise, Scene
 from fpk_rocking.output.tables import reporting
 from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.storage import plain
-from fpk_rocking.risk import IntensityCurve, at_intensity
-from fpk_rocking.studies import fragility, synthetic_records
+from fpk_rocking.risk import IntensityCurve, at_intensity, fragility, synthetic_records
 
 INCH, GRAVITY = 0.0254, 9.80665
 PUBLISHED = (

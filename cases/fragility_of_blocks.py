@@ -24,8 +24,8 @@ from fpk_rocking import Record, Scene
 from fpk_rocking.envelopes import Table
 from fpk_rocking.output.tables import reporting
 from fpk_rocking.results import pictures, storage
-from fpk_rocking.studies import fragility
-from fpk_rocking.studies.picture import logarithmic
+from fpk_rocking.risk import fragility
+from fpk_rocking.risk.picture import logarithmic
 
 MOTION = pathlib.Path(__file__).parent / "records" / "synthetic.AT2"
 BEGIN, END = 3.0, 15.0

@@ -19,8 +19,9 @@ from command import command
 from fpk_rocking import Scene
 from fpk_rocking.output.tables import reporting
 from fpk_rocking.results import pictures, storage
-from fpk_rocking.studies import fragility, grid, sweep
-from fpk_rocking.studies.picture import NAMES, draw_map
+from fpk_rocking.risk import fragility
+from fpk_rocking.risk.picture import NAMES, draw_map
+from fpk_rocking.studies import grid, sweep
 
 SIZES = tuple(np.geomspace(0.3, 3.0, 15).tolist())
 SLENDERNESSES = tuple(np.geomspace(3.0, 9.0, 13).tolist())

@@ -21,7 +21,8 @@ from fpk_rocking import BandNoise, Block, Harmonic, Pulse, Scene
 from fpk_rocking.output.tables import reporting
 from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.storage import plain
-from fpk_rocking.studies import fragility, scaled
+from fpk_rocking.risk import fragility
+from fpk_rocking.studies import scaled
 from montecarlo import simulate
 
 RESTITUTION, NOISE, CYCLES, FREE = 0.9, 0.15, 10, 15.0

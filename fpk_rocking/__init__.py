@@ -2,7 +2,7 @@
 
 ``Scene`` or ``load_scene`` states a problem, and ``solve_fpk`` solves its Fokker-Planck equation for the joint density
 of angle and velocity. The package ``montecarlo`` has independent Monte Carlo engines, ``fpk_rocking.studies``
-has sweeps and fragility curves.
+has sweeps, ``fpk_rocking.risk`` curves over the strength of ground motions and annual rates.
 """
 
 import importlib

@@ -195,9 +195,9 @@ def _fragility(options):
     """Run the command ``fragility`` with its parsed `options`: compute, print and save fragility curves."""
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.results.storage import write_json
-    from fpk_rocking.studies import IntensityCurve, drawn, fragility
-    from fpk_rocking.studies.motions import motion_lines, motion_table
-    from fpk_rocking.studies.picture import curve_table, fragility_table
+    from fpk_rocking.risk import IntensityCurve, drawn, fragility
+    from fpk_rocking.risk.motions import motion_lines, motion_table
+    from fpk_rocking.risk.picture import curve_table, fragility_table
 
     scenes, over = shaken_scenes(options), None
     if options.over is not None:
@@ -242,8 +242,8 @@ def _fragility(options):
 def _fragility_figure(path, result):
     """Draw `result` to the file at `path`: a `Fragility`, as curves or as a surface, or an `IntensityCurve`."""
     from fpk_rocking.results.pictures import page
-    from fpk_rocking.studies import Fragility
-    from fpk_rocking.studies.picture import curves_figure, draw_curve, surface_figure
+    from fpk_rocking.risk import Fragility
+    from fpk_rocking.risk.picture import curves_figure, draw_curve, surface_figure
 
     if not isinstance(result, Fragility):
         with page(path, (7.0, 5.0), result.title) as figure:
@@ -262,7 +262,7 @@ def _risk(options):
     intensities = None if options.intensities is None else numbers("--intensities", options.intensities)
     records = options.records or ()
     if options.synthetic:
-        from fpk_rocking.studies.drawing import synthetic_records
+        from fpk_rocking.risk.drawing import synthetic_records
 
         if records:
             raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")

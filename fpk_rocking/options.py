@@ -239,7 +239,7 @@ def scenes_at_scales(options, scenes):
 
     `options` are the parsed arguments, `scenes` a list.
     """
-    from fpk_rocking.studies.motions import at_intensity
+    from fpk_rocking.risk.motions import at_intensity
 
     lists = passed(options, "scales", "pga", "pgv")
     if len(lists) != 1:
@@ -254,7 +254,7 @@ def scenes_at_scales(options, scenes):
 
 def shaken_scenes(options):
     """Return a list of the scenes that the parsed `options` name, or of one scene under each of the records there."""
-    from fpk_rocking.studies.motions import recorded_scenes
+    from fpk_rocking.risk.motions import recorded_scenes
 
     scenes = [scene_of(options, path) for path in options.scenes]
     if options.records and len(scenes) > 1:

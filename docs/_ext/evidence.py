@@ -13,7 +13,14 @@ import re
 ROOT = pathlib.Path(__file__).parents[2]
 MEASURED = {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in ROOT.glob("docs/benchmarks/*.json")}
 SECTIONS = {name: kept for name, kept in sorted(MEASURED.items()) if "text" in kept}
-PLACES = ("fpk_rocking/density", "fpk_rocking/horizon", "fpk_rocking/physics", "fpk_rocking/studies", "montecarlo")
+PLACES = (
+    "fpk_rocking/density",
+    "fpk_rocking/horizon",
+    "fpk_rocking/physics",
+    "fpk_rocking/risk",
+    "fpk_rocking/studies",
+    "montecarlo",
+)
 
 
 def _written(app):

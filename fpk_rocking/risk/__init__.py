@@ -1,26 +1,49 @@
-"""From fragility curves to an annual frequency: probability against an intensity of the ground motion, hazard, files.
+"""From ground motions to an annual frequency: intensities, fragility curves, populations of motions, hazard, files.
 
-`at_intensity` scales a scene to an intensity, so that the scales of `fpk_rocking.studies.fragility` are that
-intensity. `IntensityCurve.of` reads the curve, over all records of a suite. `annual_frequency` weighs it with a
-`Hazard`. `to_nrml` and `to_pelicun` hand it to other programs.
+``fragility`` computes the probability of overturning as a function of the scale of the shaking, with a lognormal fit.
+``critical_intensities`` searches for the intensities at which each motion overturns a block without noise.
+``at_intensity`` scales a scene to an intensity; ``intensities`` measures how strong a motion is, and ``ranked`` orders
+these measures. ``drawn`` makes scenes of blocks whose values are drawn from distributions, ``synthetic_records`` makes
+ground motions, and ``IntensityCurve`` is the curve for others of their kind. ``study`` does it all for a suite of
+records; ``annual_frequency`` weighs a curve with a ``Hazard``; ``to_nrml`` and ``to_pelicun`` hand it to other
+programs. ``calibrated`` fits a block to tests in which it overturned or stood.
 """
 
+from fpk_rocking.risk.calibration import calibrated
+from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities
+from fpk_rocking.risk.curves import Fragility, fragility
+from fpk_rocking.risk.drawing import Draws, drawn, synthetic_records
 from fpk_rocking.risk.export import to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.lognormal import Ranking, ranked
+from fpk_rocking.risk.motions import Intensities, at_intensity, intensities
+from fpk_rocking.risk.population import IntensityCurve
+from fpk_rocking.risk.posterior import Calibration
 from fpk_rocking.risk.rate import Risk, annual_frequency
 from fpk_rocking.risk.result import Study
 from fpk_rocking.risk.study import study
-from fpk_rocking.studies.motions import at_intensity
-from fpk_rocking.studies.pooled import IntensityCurve
 
 __all__ = [
+    "Calibration",
+    "CriticalIntensities",
+    "Draws",
+    "Fragility",
     "Hazard",
+    "Intensities",
     "IntensityCurve",
+    "Ranking",
     "Risk",
     "Study",
     "annual_frequency",
     "at_intensity",
+    "calibrated",
+    "critical_intensities",
+    "drawn",
+    "fragility",
+    "intensities",
+    "ranked",
     "study",
+    "synthetic_records",
     "to_nrml",
     "to_pelicun",
 ]

@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import Trust
-from fpk_rocking.studies.pooled import IntensityCurve
+from fpk_rocking.risk.population import IntensityCurve
 
 _TAKEN = "risk", "curve", "motions"
 """Names whose files would replace others of a study: risk.json, curve.csv, motions.csv."""
@@ -52,7 +52,7 @@ def to_nrml(
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity, to_nrml
-    >>> from fpk_rocking.studies import fragility
+    >>> from fpk_rocking.risk import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
@@ -120,7 +120,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity, to_pelicun
-    >>> from fpk_rocking.studies import fragility
+    >>> from fpk_rocking.risk import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)

@@ -14,7 +14,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Number
-from fpk_rocking.studies.pooled import IntensityCurve
+from fpk_rocking.risk.population import IntensityCurve
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -22,8 +22,8 @@ from fpk_rocking.risk.hazard import (
     rate_limits,
     share_beyond,
 )
+from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.scene.units import STANDARD_GRAVITY
-from fpk_rocking.studies.pooled import IntensityCurve
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -54,7 +54,7 @@ class Risk(Result):
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
-    >>> from fpk_rocking.studies import fragility
+    >>> from fpk_rocking.risk import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
@@ -293,7 +293,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
-    >>> from fpk_rocking.studies import fragility, synthetic_records
+    >>> from fpk_rocking.risk import fragility, synthetic_records
     >>> motions = synthetic_records(5, duration=5.0)
     >>> racks = [at_intensity(Scene.from_block(0.5, 1.8, record=motion)) for motion in motions]
     >>> curve = IntensityCurve.of(fragility(racks, scale=[0.5, 1.0, 2.0]))

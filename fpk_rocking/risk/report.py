@@ -14,11 +14,11 @@ from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results import pictures
 from fpk_rocking.results.pictures import figure_of, picture_html
 from fpk_rocking.results.remarks import noise_text
+from fpk_rocking.risk.motions import intensity_of, measured, motion_lines, motion_names
+from fpk_rocking.risk.picture import draw_curve, logarithmic
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
-from fpk_rocking.studies.motions import intensity_of, measured, motion_lines, motion_names
-from fpk_rocking.studies.picture import draw_curve, logarithmic
 
 _CITE = (
     "fpk-rocking, version {version}: densities and ensembles of rocking blocks under noisy periodic excitation. The "

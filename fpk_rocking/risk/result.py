@@ -18,16 +18,16 @@ from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.risk.critical import CriticalIntensities, critical_text, factor_diagnostics
+from fpk_rocking.risk.curves import Fragility
+from fpk_rocking.risk.drawing import Draws
 from fpk_rocking.risk.export import NAMES, not_for_pelicun, to_nrml, to_pelicun
+from fpk_rocking.risk.lognormal import ranked
+from fpk_rocking.risk.motions import intensity_of, motion_lines, motion_table
+from fpk_rocking.risk.outcomes import FARTHEST, overturns
+from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import CriticalIntensities, critical_text, factor_diagnostics
-from fpk_rocking.studies.drawing import Draws
-from fpk_rocking.studies.lognormal import ranked
-from fpk_rocking.studies.motions import intensity_of, motion_lines, motion_table
-from fpk_rocking.studies.outcomes import FARTHEST, overturns
-from fpk_rocking.studies.pooled import IntensityCurve
-from fpk_rocking.studies.result import Fragility
 
 MOVED = 0.01
 """With noise intensities are added until they move the rate by less than this part."""
@@ -69,7 +69,7 @@ class Study(Result):
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, study
-    >>> from fpk_rocking.studies import synthetic_records
+    >>> from fpk_rocking.risk import synthetic_records
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
@@ -279,8 +279,8 @@ class Study(Result):
 
     def plot(self) -> Any:
         """Draw the curve with its records, and the contributions to the rate; returns a matplotlib figure."""
+        from fpk_rocking.risk.picture import draw_curve
         from fpk_rocking.risk.report import draw_contributions
-        from fpk_rocking.studies.picture import draw_curve
 
         panels = [lambda _, axes: draw_curve(axes, self.curve, self.records)]
         risk = self.risk

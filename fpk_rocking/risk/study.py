@@ -12,18 +12,17 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress, not_none
 from fpk_rocking.physics.forcing import Forcing
 from fpk_rocking.physics.noise.kinds import NoNoise
+from fpk_rocking.risk.critical import critical_intensities
+from fpk_rocking.risk.curves import Fragility, fragility
+from fpk_rocking.risk.drawing import drawn
 from fpk_rocking.risk.export import check_name
 from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.motions import at_intensity, recorded_scenes
+from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, annual_frequency
 from fpk_rocking.risk.result import MOVED, Study, corrected
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.critical import critical_intensities
-from fpk_rocking.studies.curves import fragility
-from fpk_rocking.studies.drawing import drawn
 from fpk_rocking.studies.execution import seed_of
-from fpk_rocking.studies.motions import at_intensity, recorded_scenes
-from fpk_rocking.studies.pooled import IntensityCurve
-from fpk_rocking.studies.result import Fragility
 
 FEWEST_RECORDS = 5
 """Least number of motions, or of blocks under one motion, that a study accepts beside one."""
@@ -92,7 +91,7 @@ def study(
     scale_noise : bool
         Whether the noise is scaled with the records.
     uncertain : dict of str, optional
-        Distributions of values of the block, see `fpk_rocking.studies.drawing.drawn`.
+        Distributions of values of the block, see `fpk_rocking.risk.drawing.drawn`.
     blocks : int
         Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
     name : str
@@ -115,7 +114,7 @@ def study(
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import Hazard, study
-    >>> from fpk_rocking.studies import synthetic_records
+    >>> from fpk_rocking.risk import synthetic_records
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
     >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)

@@ -202,7 +202,8 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import intensities, resized
+    >>> from fpk_rocking.studies import resized
+    >>> from fpk_rocking.risk import intensities
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
     >>> tall = resized(rack, height=2.4)
     >>> print(f"{rack.forcing.amplitude:.3f} {tall.forcing.amplitude:.3f}, PGA {intensities(tall).pga:.2f} m/s²")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import cli, load_scene
-from fpk_rocking.studies import Fragility, fragility
+from fpk_rocking.risk import Fragility, fragility
 
 
 def run(*arguments):

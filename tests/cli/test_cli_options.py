@@ -12,8 +12,8 @@ from fpk_rocking import cli, probability, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filtered import FilteredPropagator
+from fpk_rocking.risk import Fragility, curves, fragility
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
-from fpk_rocking.studies import Fragility, curves, fragility
 from fpk_rocking.studies.overturning import Probability
 from montecarlo import Ensemble, Tally, simulate
 

@@ -8,9 +8,9 @@ from made_parts import CYCLES, MAIN, Made, wilson
 from scipy import stats
 
 from fpk_rocking import Scene
-from fpk_rocking.risk import Hazard, Risk, Study
-from fpk_rocking.studies import CriticalIntensities, Fragility, IntensityCurve, Sweep
-from fpk_rocking.studies.lognormal import LognormalFit
+from fpk_rocking.risk import CriticalIntensities, Fragility, Hazard, IntensityCurve, Risk, Study
+from fpk_rocking.risk.lognormal import LognormalFit
+from fpk_rocking.studies import Sweep
 from fpk_rocking.studies.overturning import Probability
 
 BLOCKS = tuple(

@@ -4,8 +4,8 @@ import numpy as np
 
 from fpk_rocking import Dimensions, Record
 from fpk_rocking.risk import IntensityCurve
-from fpk_rocking.studies.lognormal import LognormalFit
-from fpk_rocking.studies.result import Fragility
+from fpk_rocking.risk.curves import Fragility
+from fpk_rocking.risk.lognormal import LognormalFit
 
 SIZE = Dimensions(0.6, 2.0)
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import RegularGridInterpolator
 
 from fpk_rocking.output import figures, vtk
-from fpk_rocking.studies.picture import draw_surface
+from fpk_rocking.risk.picture import draw_surface
 from montecarlo.poincare import MeanMap
 from montecarlo.results.statistics import Histogram
 

@@ -10,8 +10,9 @@ from fpk_rocking import Block, Dimensions, NoNoise, Scene, WhiteNoise
 from fpk_rocking.forcings import FORCINGS, Chirp, Forcing, Harmonic, Harmonics, Pulse, Record
 from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.risk import intensities
 from fpk_rocking.scene import ranges
-from fpk_rocking.studies import intensities, resized, scaled
+from fpk_rocking.studies import resized, scaled
 from montecarlo import simulate
 
 SIZE = Dimensions(0.5, 1.8)

@@ -13,9 +13,8 @@ from fpk_rocking import Block, Dimensions, NoNoise, Record, Scene
 from fpk_rocking.cli import main
 from fpk_rocking.physics.forcing.samples import corrected, drift_of
 from fpk_rocking.results.remarks import baseline_remark, scene_diagnostics
-from fpk_rocking.risk import Hazard, at_intensity, study
+from fpk_rocking.risk import Hazard, at_intensity, intensities, study, synthetic_records
 from fpk_rocking.scene.ranges import implausible
-from fpk_rocking.studies import intensities, synthetic_records
 
 G = 9.80665
 KINDS = ["mean", "linear", "high-pass"]

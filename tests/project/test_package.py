@@ -90,12 +90,26 @@ def test_no_module_imports_itself_through_others():
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) >= len(graph)
 
 
-def test_only_studies_least_runs_and_the_command_line_import_montecarlo():
+def test_only_studies_risk_least_runs_and_the_command_line_import_montecarlo():
     users = {name for name in MODULES if any(other.startswith("montecarlo") for other in imports_of(name))}
-    assert {name for name in users if not name.startswith(("montecarlo", "fpk_rocking.studies"))} <= {
-        "fpk_rocking.cli",
-        "fpk_rocking.least_runs",
-    }
+    above = "montecarlo", "fpk_rocking.studies", "fpk_rocking.risk"
+    assert {name for name in users if not name.startswith(above)} <= {"fpk_rocking.cli", "fpk_rocking.least_runs"}
+
+
+def test_the_core_knows_nothing_of_the_earthquake_wing():
+    """Only the command line imports it, and no module of the core speaks of hazards or intensities of motions."""
+    for name, path in MODULES.items():
+        if not name.startswith(("fpk_rocking.risk", "fpk_rocking.cli", "fpk_rocking.options")):
+            assert not any(other.startswith("fpk_rocking.risk") for other in imports_of(name)), name
+            assert not re.search(r"\b(hazard|fragility|intensity measure)\b", path.read_text("utf-8"), re.I), name
+
+
+def test_the_earthquake_wing_uses_public_names_of_the_core_alone():
+    for name, path in MODULES.items():
+        if name.startswith("fpk_rocking.risk"):
+            nodes = [node for node in ast.walk(ast.parse(path.read_text("utf-8"))) if isinstance(node, ast.ImportFrom)]
+            private = [alias.name for node in nodes for alias in node.names if alias.name.startswith("_")]
+            assert private == [], name
 
 
 def test_montecarlo_never_imports_the_density_solver():

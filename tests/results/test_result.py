@@ -15,8 +15,9 @@ from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, Start, White
 from fpk_rocking.compare import compare
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic, assess, verdict
+from fpk_rocking.risk import Fragility
 from fpk_rocking.scene.ranges import joint_edges
-from fpk_rocking.studies import Fragility, Sweep
+from fpk_rocking.studies import Sweep
 from montecarlo import Splitting, histories, simulate, tally
 
 DOCUMENT = pathlib.Path(__file__).parents[2] / "docs" / "results.md"

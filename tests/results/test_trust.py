@@ -14,8 +14,8 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results import trust
 from fpk_rocking.results.remarks import remarks, scene_diagnostics
 from fpk_rocking.results.replacement import Replacement
-from fpk_rocking.studies.lognormal import LognormalFit
-from fpk_rocking.studies.suites import curve_diagnostics
+from fpk_rocking.risk.lognormal import LognormalFit
+from fpk_rocking.risk.suites import curve_diagnostics
 from montecarlo import Splitting
 
 LIMITS = {

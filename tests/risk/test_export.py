@@ -10,7 +10,7 @@ import pytest
 from suites import SCALES, curve_of
 
 from fpk_rocking.risk import IntensityCurve, to_nrml, to_pelicun
-from fpk_rocking.studies.lognormal import LognormalFit
+from fpk_rocking.risk.lognormal import LognormalFit
 
 SPACE = "{http://openquake.org/xmlns/nrml/0.5}"
 

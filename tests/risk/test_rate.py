@@ -11,8 +11,8 @@ from suites import SCALES, SIZE, curve_of, record, suite
 from fpk_rocking import Block, NoNoise, Scene
 from fpk_rocking.results.trust import CAUTION, UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.risk.lognormal import LognormalFit
 from fpk_rocking.risk.rate import rate_text, years_text
-from fpk_rocking.studies.lognormal import LognormalFit
 
 
 @pytest.mark.parametrize("median", [0.05, 0.7, 20.0])

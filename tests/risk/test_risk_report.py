@@ -11,7 +11,7 @@ import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, report
-from fpk_rocking.studies.lognormal import LognormalFit
+from fpk_rocking.risk.lognormal import LognormalFit
 
 SIZE, SCALES = Dimensions(0.6, 2.0), np.geomspace(0.1, 3.0, 12)
 HAZARD = Hazard(np.geomspace(0.01, 30.0, 15), np.geomspace(0.5, 1e-7, 15))

@@ -14,10 +14,9 @@ import pytest
 from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
-from fpk_rocking.studies import fragility, synthetic_records
-from fpk_rocking.studies.motions import intensities
-from fpk_rocking.studies.result import Fragility
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, fragility, study, synthetic_records
+from fpk_rocking.risk.curves import Fragility
+from fpk_rocking.risk.motions import intensities
 from fpk_rocking.studies.tasks import TASKS
 
 

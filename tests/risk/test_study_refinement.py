@@ -10,11 +10,19 @@ from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Scene
 from fpk_rocking.results.trust import CAUTION
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, study
+from fpk_rocking.risk import (
+    Hazard,
+    IntensityCurve,
+    annual_frequency,
+    at_intensity,
+    fragility,
+    intensities,
+    study,
+    synthetic_records,
+)
+from fpk_rocking.risk.curves import Fragility
+from fpk_rocking.risk.lognormal import LognormalFit
 from fpk_rocking.risk.study import refined
-from fpk_rocking.studies import fragility, intensities, synthetic_records
-from fpk_rocking.studies.lognormal import LognormalFit
-from fpk_rocking.studies.result import Fragility
 
 MOTIONS, HAZARD = 8, Hazard.power_law(1e-4, 2.5)
 

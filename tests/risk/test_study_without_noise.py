@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Scene, studies
-from fpk_rocking.risk import Hazard, study
-from fpk_rocking.studies import outcomes, synthetic_records
-from fpk_rocking.studies.motions import intensities
+from fpk_rocking.risk import Hazard, outcomes, study, synthetic_records
+from fpk_rocking.risk.motions import intensities
 from montecarlo import histories, simulate
 
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from fpk_rocking import Record, load_scene, solve_fpk
 from fpk_rocking.density import Evolution
-from fpk_rocking.studies import fragility, grid, sweep
+from fpk_rocking.risk import fragility
+from fpk_rocking.studies import grid, sweep
 from montecarlo import histories, overturning_rate, simulate, split, tally
 
 BAND = fuzz.scene(noise=fuzz.BandNoise(0.04, (0.0, 10.0), 3))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fpk_rocking import Start
 from fpk_rocking.density import Evolution
 from fpk_rocking.results.replacement import Replacement
-from fpk_rocking.studies import fragility
+from fpk_rocking.risk import fragility
 from montecarlo import histories, simulate, tally
 
 WHITE = fuzz.scene(noise=fuzz.WhiteNoise(0.006), start=Start(0.3, -0.2, ((0.01, 0.0), (0.0, 0.01))))

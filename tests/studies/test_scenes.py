@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from fpk_rocking.envelopes import Exponential, Table, Trapezoid
+from fpk_rocking.risk import drawn, intensities
+from fpk_rocking.risk.motions import measured
 from fpk_rocking.scene import (
     Block,
     Body,
@@ -21,8 +23,7 @@ from fpk_rocking.scene import (
     Start,
     WhiteNoise,
 )
-from fpk_rocking.studies import drawn, grid, intensities, resized, scaled
-from fpk_rocking.studies.motions import measured
+from fpk_rocking.studies import grid, resized, scaled
 from fpk_rocking.studies.scenes import varied
 
 NOISE = {"noise_rms_acceleration": 0.3, "noise_band_hz": (0.0, 5.0)}

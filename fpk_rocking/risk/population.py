@@ -14,13 +14,12 @@ from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
-from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.capacities import Capacities
-from fpk_rocking.studies.drawing import Draws
-from fpk_rocking.studies.lognormal import LognormalFit, fit_rows
-from fpk_rocking.studies.motions import intensity_of, measure_of
-from fpk_rocking.studies.outcomes import farthest_scale, first_scale, last_scale
-from fpk_rocking.studies.suites import (
+from fpk_rocking.risk.capacities import Capacities
+from fpk_rocking.risk.drawing import Draws
+from fpk_rocking.risk.lognormal import LognormalFit, fit_rows
+from fpk_rocking.risk.motions import intensity_of, measure_of
+from fpk_rocking.risk.outcomes import farthest_scale, first_scale, last_scale
+from fpk_rocking.risk.suites import (
     binomial_limits,
     model_diagnostics,
     name_sources,
@@ -28,6 +27,7 @@ from fpk_rocking.studies.suites import (
     suite_fields,
     with_intervals,
 )
+from fpk_rocking.scene.scene import Scene
 
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
@@ -53,7 +53,7 @@ class IntensityCurve(Result):
     fit : LognormalFit
         Lognormal curve through the mean; its intervals are those of `replicates`.
     replicates : ndarray, shape (b, 2)
-        Medians and dispersions that the population may have (`fpk_rocking.studies.capacities`), or, of one scene, those
+        Medians and dispersions that the population may have (`fpk_rocking.risk.capacities`), or, of one scene, those
         of other samples.
     records : int
         Number of motions.
@@ -80,7 +80,7 @@ class IntensityCurve(Result):
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import IntensityCurve, at_intensity
-    >>> from fpk_rocking.studies import fragility
+    >>> from fpk_rocking.risk import fragility
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
@@ -251,7 +251,7 @@ class IntensityCurve(Result):
 
     def plot(self) -> Any:
         """Draw the curve with its limits; returns a matplotlib figure."""
-        from fpk_rocking.studies.picture import draw_curve
+        from fpk_rocking.risk.picture import draw_curve
 
         return figure_of(lambda _, axes: draw_curve(axes, self))
 
@@ -299,7 +299,7 @@ class IntensityCurve(Result):
         which : int
             Index of the probability: 0 overturning, 1, 2, ... the levels.
         draws : Draws, optional
-            Where the scenes are `fpk_rocking.studies.drawing.drawn` blocks: blocks under one motion are not independent
+            Where the scenes are `fpk_rocking.risk.drawing.drawn` blocks: blocks under one motion are not independent
             of each other.
         samples : int, optional
             Number of replicates; by default 999 for one scene, for several `Capacities.usual_draws`.

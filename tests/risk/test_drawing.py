@@ -9,9 +9,9 @@ from scipy import stats
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Record, Scene, cli
 from fpk_rocking.envelopes import Trapezoid
-from fpk_rocking.studies import IntensityCurve, drawn, fragility, intensities, ranked, synthetic_records
-from fpk_rocking.studies.capacities import Capacities
-from fpk_rocking.studies.result import Fragility
+from fpk_rocking.risk import IntensityCurve, drawn, fragility, intensities, ranked, synthetic_records
+from fpk_rocking.risk.capacities import Capacities
+from fpk_rocking.risk.curves import Fragility
 
 SIZE = Dimensions(0.6, 2.0)
 SCENE = Scene.from_block(0.6, 2.0, "0.4 g", 1.5, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 8.0))

@@ -6,9 +6,8 @@ import pytest
 from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
-from fpk_rocking.risk import at_intensity
-from fpk_rocking.studies import critical_intensities, synthetic_records
-from fpk_rocking.studies.motions import intensities, intensity_of, recorded_scenes
+from fpk_rocking.risk import at_intensity, critical_intensities, synthetic_records
+from fpk_rocking.risk.motions import intensities, intensity_of, recorded_scenes
 
 
 def test_scenes_at_an_intensity_have_it():

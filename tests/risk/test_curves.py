@@ -14,10 +14,11 @@ from rich.console import Console
 from scipy import stats
 
 from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.risk import Fragility, fragility
+from fpk_rocking.risk.picture import curves_figure, fragility_table, message, surface_figure
 from fpk_rocking.scene import NoNoise, Pulse, Scene, WhiteNoise
-from fpk_rocking.studies import Fragility, fragility, scaled
+from fpk_rocking.studies import scaled
 from fpk_rocking.studies.execution import seed_of
-from fpk_rocking.studies.picture import curves_figure, fragility_table, message, surface_figure
 from montecarlo import Ensemble, histories, simulate
 
 SCALE = 0.5, 0.8, 1.1, 1.4
@@ -182,7 +183,7 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
             Diagnostic(1, "Bare."),
         ]
 
-    monkeypatch.setattr("fpk_rocking.studies.suites.scene_diagnostics", diagnosed)
+    monkeypatch.setattr("fpk_rocking.risk.suites.scene_diagnostics", diagnosed)
     reasons = [reason for reason in dataclasses.replace(curves, wall_s=2.0).trust.reasons if "half width" not in reason]
     assert [reason for reason in reasons if "fit" not in reason] == [
         "Wide: Measured: here. (1 of the others likewise.)",

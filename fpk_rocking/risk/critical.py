@@ -17,11 +17,8 @@ from fpk_rocking.results.pictures import COLOURS, figure_of
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagnostics
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic
-from fpk_rocking.scene.ranges import result_times
-from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.execution import Job, run_jobs
-from fpk_rocking.studies.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
-from fpk_rocking.studies.outcomes import (
+from fpk_rocking.risk.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
+from fpk_rocking.risk.outcomes import (
     FARTHEST,
     MotionOutcomes,
     equivalent_scale,
@@ -31,6 +28,9 @@ from fpk_rocking.studies.outcomes import (
     overturns,
     search,
 )
+from fpk_rocking.scene.ranges import result_times
+from fpk_rocking.scene.scene import Scene
+from fpk_rocking.studies.execution import Job, run_jobs
 from fpk_rocking.studies.scenes import checked_scenes
 
 
@@ -87,7 +87,7 @@ class CriticalIntensities(Result):
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import critical_intensities, synthetic_records
+    >>> from fpk_rocking.risk import critical_intensities, synthetic_records
     >>> block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
     >>> suite = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
     >>> print(suite.critical.round(2), suite.factor.round(1))
@@ -349,7 +349,7 @@ def critical_intensities(
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import critical_intensities, synthetic_records
+    >>> from fpk_rocking.risk import critical_intensities, synthetic_records
     >>> block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
     >>> suite = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
     >>> print(suite.title)

@@ -38,7 +38,7 @@ class Intensities(NamedTuple):
     Examples
     --------
     >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.studies import intensities
+    >>> from fpk_rocking.risk import intensities
     >>> motion = intensities(load_scene("main"))
     >>> print(motion.acceleration, f"{motion.velocity:.3f}", motion.pga)
     4.6 1.704 nan
@@ -88,7 +88,7 @@ def intensities(scene: Scene) -> Intensities:
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import intensities
+    >>> from fpk_rocking.risk import intensities
     >>> motion = intensities(Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"))
     >>> print(f"PGA {motion.pga:.2f} m/s², PGV {motion.pgv:.2f} m/s")
     PGA 2.94 m/s², PGV 0.31 m/s
@@ -161,7 +161,7 @@ def intensity_of(scene: Scene, measure: str) -> float:
 def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
     """Return a scene whose forcing is scaled to an intensity.
 
-    With the default value, the scales of `fpk_rocking.studies.fragility` of such scenes are the intensity itself: all
+    With the default value, the scales of `fpk_rocking.risk.fragility` of such scenes are the intensity itself: all
     records of a suite are then compared at equal intensities (stripes).
 
     Parameters
@@ -188,7 +188,7 @@ def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, nois
     --------
     >>> from fpk_rocking import Scene
     >>> from fpk_rocking.risk import at_intensity
-    >>> from fpk_rocking.studies import intensities
+    >>> from fpk_rocking.risk import intensities
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
     >>> print(f"{intensities(at_intensity(rack, 'PGV', 0.5)).pgv:.2f} m/s")
     0.50 m/s
@@ -283,7 +283,7 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
     measure : str
         "PGA", "PGV" or "scale": of critical intensities, where the table has these.
     at_one : bool
-        Whether the scale is that measure, as in a `fpk_rocking.studies.Fragility`, so that critical ones are none.
+        Whether the scale is that measure, as in a `fpk_rocking.risk.Fragility`, so that critical ones are none.
     """
     lines = []
     unit = "" if measure == "scale" else f" {measure_of(measure).unit}"

@@ -20,8 +20,8 @@ import numpy as np
 import scipy
 
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.studies.lognormal import fit_rows
-from fpk_rocking.studies.outcomes import equivalent_scale
+from fpk_rocking.risk.lognormal import fit_rows
+from fpk_rocking.risk.outcomes import equivalent_scale
 
 _SWEEPS = 25
 """Sweeps of the data augmentation; twice as many move limits by less than what 999 draws scatter."""
@@ -53,7 +53,7 @@ class Capacities(NamedTuple):
     Examples
     --------
     >>> import numpy as np
-    >>> from fpk_rocking.studies.capacities import Capacities
+    >>> from fpk_rocking.risk.capacities import Capacities
     >>> bracketed = Capacities.of(np.array([1.0, 2.0, 4.0]), np.array([[0.0, 1.0, 1.0], [0.0, 0.0, 1.0]]), 1, [0, 1])
     >>> print(np.exp(bracketed.low), np.exp(bracketed.high))
     [1. 2.] [2. 4.]
@@ -96,7 +96,7 @@ class Capacities(NamedTuple):
 
         A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
         logarithm: the mean of the probability over the scales stays. The lowest scale of all would fall on and on as a
-        search gets finer (`fpk_rocking.studies.critical`).
+        search gets finer (`fpk_rocking.risk.critical`).
 
         Parameters
         ----------

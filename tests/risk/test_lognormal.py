@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import optimize, special, stats
 
-from fpk_rocking.studies.lognormal import fit_lognormal
+from fpk_rocking.risk.lognormal import fit_lognormal
 
 SCALE = np.geomspace(0.3, 3.0, 12)
 MEDIAN, DISPERSION = 1.2, 0.4

@@ -8,11 +8,11 @@ import pytest
 import scipy
 
 from fpk_rocking import Record
-from fpk_rocking.studies import Calibration, calibrated, synthetic_records
-from fpk_rocking.studies.calibration import NODES, PRIOR
-from fpk_rocking.studies.drawing import concentrated
-from fpk_rocking.studies.outcomes import block_scene, block_scenes, outcomes_of
-from fpk_rocking.studies.posterior import FINER
+from fpk_rocking.risk import Calibration, calibrated, synthetic_records
+from fpk_rocking.risk.calibration import NODES, PRIOR
+from fpk_rocking.risk.drawing import concentrated
+from fpk_rocking.risk.outcomes import block_scene, block_scenes, outcomes_of
+from fpk_rocking.risk.posterior import FINER
 from montecarlo import simulate
 
 ALPHA, RATE, BOUNCE, SCATTER = 0.08, 5.0, 0.85, 0.2

@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from fpk_rocking import NoNoise, Scene
-from fpk_rocking.studies import (
+from fpk_rocking.risk import (
     CriticalIntensities,
     Fragility,
     critical_intensities,
     fragility,
     intensities,
-    scaled,
     synthetic_records,
 )
-from fpk_rocking.studies.critical import factor_diagnostics
-from fpk_rocking.studies.motions import motion_names
-from fpk_rocking.studies.outcomes import first_scale, overturns
+from fpk_rocking.risk.critical import factor_diagnostics
+from fpk_rocking.risk.motions import motion_names
+from fpk_rocking.risk.outcomes import first_scale, overturns
+from fpk_rocking.studies import scaled
 from montecarlo import simulate
 
 BLOCK = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")

@@ -31,7 +31,7 @@ class Draws(NamedTuple):
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import drawn
+    >>> from fpk_rocking.risk import drawn
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
     >>> blocks = drawn(rack, {"size_factor": "lognormal:1:0.05"}, count=3)
     >>> print([f"{scene.block.dimensions.height:.2f} m" for scene in blocks.scenes])
@@ -77,7 +77,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import drawn
+    >>> from fpk_rocking.risk import drawn
     >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
     >>> blocks = drawn(rack, {"block.restitution_factor": "uniform:0.93:1"}, count=3)
     >>> print([round(value, 3) for value in blocks.values["block.restitution_factor"]])
@@ -281,7 +281,7 @@ def synthetic_records(
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import intensities, synthetic_records
+    >>> from fpk_rocking.risk import intensities, synthetic_records
     >>> for motion in synthetic_records(2, duration=5.0):
     ...     print(f"PGV {intensities(Scene.from_block(0.5, 1.8, record=motion)).pgv:.2f} m/s")
     PGV 0.33 m/s

@@ -11,8 +11,8 @@ from fpk_rocking.base.checks import Array, File
 from fpk_rocking.output.tables import text_table, verdict_first
 from fpk_rocking.results import pictures
 from fpk_rocking.results.pictures import figure_of
+from fpk_rocking.risk.motions import motion_lines
 from fpk_rocking.scene.ranges import SETTLING
-from fpk_rocking.studies.motions import motion_lines
 
 NAMES = {
     "size": "half diagonal R, m",
@@ -45,8 +45,8 @@ def curves_figure(path: File, results: Sequence[Any], title: str = "", which: in
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import fragility
-    >>> from fpk_rocking.studies.picture import curves_figure
+    >>> from fpk_rocking.risk import fragility
+    >>> from fpk_rocking.risk.picture import curves_figure
     >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curve = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, realizations=500)
@@ -93,8 +93,8 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import fragility
-    >>> from fpk_rocking.studies.picture import surface_figure
+    >>> from fpk_rocking.risk import fragility
+    >>> from fpk_rocking.risk.picture import surface_figure
     >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
     ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
     >>> curves = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, over={"size": [0.8, 1.0]}, realizations=500)

@@ -9,11 +9,10 @@ from scipy import stats
 from suites import SCALES, SIZE, curve_of, record, suite
 
 from fpk_rocking import BandNoise, Block, NoNoise, Pulse, Scene
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
-from fpk_rocking.studies import drawn, fragility
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
-from fpk_rocking.studies.motions import intensity_of
-from fpk_rocking.studies.outcomes import MotionOutcomes, overturns
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, drawn, fragility
+from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal
+from fpk_rocking.risk.motions import intensity_of
+from fpk_rocking.risk.outcomes import MotionOutcomes, overturns
 
 
 def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():

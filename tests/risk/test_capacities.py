@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from fpk_rocking.studies.capacities import Capacities
+from fpk_rocking.risk.capacities import Capacities
 
 DRAWS = 40_000
 GRID = np.geomspace(0.15, 3.0, 10)

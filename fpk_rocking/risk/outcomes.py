@@ -26,12 +26,12 @@ from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.base.jit import map_threads
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.motion.equation import block_of_scene
+from fpk_rocking.risk.motions import intensity_of
 from fpk_rocking.scene import NoNoise
 from fpk_rocking.scene.parts import Block, Body, Overturning
 from fpk_rocking.scene.ranges import SETTLING
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
-from fpk_rocking.studies.motions import intensity_of
 from montecarlo.engines import engine_of, task_of
 from montecarlo.engines.batches import checked_run, simulate_batches
 from montecarlo.engines.scaled_paths import Outcomes, ScaledPaths, scaled_parameters

@@ -14,7 +14,7 @@ import scipy
 from fpk_rocking.base.checks import Array
 from fpk_rocking.results.remarks import path_diagnostics, scene_diagnostics
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.studies.lognormal import LognormalFit, fit_lognormal
+from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal
 
 _TESTED = np.linspace(-2.5, 2.5, 41)
 """Where a fit to outcomes without noise is tested if some motions stand in the end, in dispersions from its median."""

@@ -41,7 +41,7 @@ class LognormalFit(NamedTuple):
     p_value : float
         Probability that data drawn from the fitted curve lie as far from it: of counts by the chi-square distribution
         of the deviance with n - 2 degrees of freedom, of the mean over motions by Lilliefors' test
-        (`fpk_rocking.studies.capacities`). A small one says that the data are not lognormal. nan without a test.
+        (`fpk_rocking.risk.capacities`). A small one says that the data are not lognormal. nan without a test.
     level : float
         Confidence of the intervals.
     reason : str
@@ -49,7 +49,7 @@ class LognormalFit(NamedTuple):
 
     Examples
     --------
-    >>> from fpk_rocking.studies.lognormal import fit_lognormal
+    >>> from fpk_rocking.risk.lognormal import fit_lognormal
     >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
     >>> print(fit([0.7, 1.4]).round(2), [round(limit, 2) for limit in fit.median_interval])
     [0.24 0.71] [0.94, 1.13]
@@ -121,7 +121,7 @@ def fit_lognormal(
 
     Examples
     --------
-    >>> from fpk_rocking.studies.lognormal import fit_lognormal
+    >>> from fpk_rocking.risk.lognormal import fit_lognormal
     >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
     >>> print(f"median {fit.median:.2f}, dispersion {fit.dispersion:.2f}, p = {fit.p_value:.2f}")
     median 1.03, dispersion 0.54, p = 0.47
@@ -202,7 +202,7 @@ class Ranking(NamedTuple):
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
+    >>> from fpk_rocking.risk import fragility, ranked, synthetic_records
     >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
     >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
     >>> best = ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0]))[0]
@@ -236,7 +236,7 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
     Examples
     --------
     >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import fragility, ranked, synthetic_records
+    >>> from fpk_rocking.risk import fragility, ranked, synthetic_records
     >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
     >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
     >>> for ranking in ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0])):

@@ -11,9 +11,9 @@ import scipy
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.studies.drawing import distribution_of
-from fpk_rocking.studies.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
-from fpk_rocking.studies.posterior import Calibration, drawn_names, values_at
+from fpk_rocking.risk.drawing import distribution_of
+from fpk_rocking.risk.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
+from fpk_rocking.risk.posterior import Calibration, drawn_names, values_at
 
 PRIOR = {
     SCATTERED: "lognormal:0.09:0.3",
@@ -81,7 +81,7 @@ def calibrated(
 
     Examples
     --------
-    >>> from fpk_rocking.studies import calibrated, synthetic_records
+    >>> from fpk_rocking.risk import calibrated, synthetic_records
     >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
     >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
     >>> print(len(block.predicted.probability), block.prior["restitution"])

@@ -27,8 +27,8 @@ from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results.pictures import COLOURS, figure_of, reliability_panel
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.studies.drawing import concentrated, distribution_of
-from fpk_rocking.studies.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
+from fpk_rocking.risk.drawing import concentrated, distribution_of
+from fpk_rocking.risk.outcomes import SCATTERED, SHARED, block_scenes, outcomes_as_bool, outcomes_of
 
 LEVELS, FINER = 8, 2
 """Values of the frequency parameter, and nodes of the median critical angle from one of a block to the next."""
@@ -71,7 +71,7 @@ class Prediction(NamedTuple):
 
     Examples
     --------
-    >>> from fpk_rocking.studies import calibrated, synthetic_records
+    >>> from fpk_rocking.risk import calibrated, synthetic_records
     >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
     >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
     >>> prediction = block.predict(synthetic_records(1, duration=4.0, rms=2.5, seed=9))
@@ -115,7 +115,7 @@ class Calibration(Result):
 
     Examples
     --------
-    >>> from fpk_rocking.studies import calibrated, synthetic_records
+    >>> from fpk_rocking.risk import calibrated, synthetic_records
     >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
     >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
     >>> print(block.overturns.shape[:2], block.trust.verdict)
