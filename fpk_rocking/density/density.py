@@ -13,15 +13,7 @@ from fpk_rocking.density.space import Space
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class PlaneFunction:
-    """A function of angle and velocity that is a polynomial on each cell of a mesh of the phase plane.
-
-    Parameters
-    ----------
-    space : Space
-        Mesh and polynomial degree.
-    coefficients : ndarray, shape ``space.shape``
-        Coefficients of the polynomials.
-    """
+    """A function of angle and velocity that is a polynomial on each cell of a mesh of the phase plane."""
 
     space: Space
     coefficients: np.ndarray
@@ -151,10 +143,7 @@ class Density(PlaneFunction):
         return self._marginal(coefficients, 1, velocity)
 
     def _marginal(self, coefficients, axis, points):
-        """Return the values (n,) at `points` (n,) of a piecewise polynomial of `coefficients` (cells, degree + 1).
-
-        `axis` is 0 for the angle and 1 for the velocity; the value is 0 beyond the mesh, and nan at nan.
-        """
+        """Return the values (n,) at `points` (n,) of a piecewise polynomial of `coefficients` (cells, degree + 1)."""
         lines = self.mesh_lines[axis]
         points = np.asarray(points, dtype=float)
         cells, reference = locate(lines, points)
@@ -276,7 +265,6 @@ class PlaneMap(PlaneFunction):
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def values(figure, axes):
-            """Draw the values over the phase plane on matplotlib's `axes`, with a colour bar in `figure`."""
             function_panel(figure, axes, self, self.mesh_lines, f"value of the start, Ψ = {self.phase:.4g}", 1.0)
 
         return figure_of(values)

@@ -297,10 +297,7 @@ class Evolution(SurvivalResult):
         return Density(self.space, self.coefficients[cycle])
 
     def _binned(self, row, edges):
-        """Return probabilities (angle bins, velocity bins) at a row: of a point start, or of density and rest.
-
-        `row` is the index of a time, 0 that of the start; `edges` a pair of arrays, bin edges in angle and in velocity.
-        """
+        """Return probabilities (angle bins, velocity bins) at a row: of a point start, or of density and rest."""
         start = self.scene.start
         if row == 0 and start.covariance is None:
             return np.histogram2d([start.angle], [start.velocity], bins=edges)[0]
@@ -310,10 +307,7 @@ class Evolution(SurvivalResult):
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
-    """Return the masses (cycles + 1,) of densities that count as being at rest; of a point `start` 0 or 1 at first.
-
-    `coefficients` (cycles + 1, ``space.shape``) are those after 0, 1, ... cycles.
-    """
+    """Return the masses (cycles + 1,) of densities that count as being at rest; of a point `start` 0 or 1 at first."""
     angle, velocity = TUNING.rest_angle, TUNING.rest_velocity
     masses = space.bin_integrals(coefficients, [-angle, angle], [-velocity, velocity])[:, 0, 0]
     if start.covariance is None:
@@ -340,10 +334,7 @@ def refuse_broken(result: Evolution) -> None:
 
 
 def warn_unresolved(result: Evolution, wanted: float, stacklevel: int) -> None:
-    """Warn where the estimated error of the probability at rest, of `result`, is larger than `wanted`; with inf never.
-
-    `stacklevel`: calls from here to the user's, for the warning's line. Nothing is returned.
-    """
+    """Warn where the estimated error of the probability at rest is larger than `wanted`."""
     sentence = result.unresolved_beyond(wanted)
     if sentence:
         warnings.warn(sentence, RuntimeWarning, stacklevel=stacklevel)

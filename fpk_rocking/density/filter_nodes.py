@@ -22,10 +22,7 @@ from fpk_rocking.physics.noise.state_space import transition_and_factor
 
 
 class Whitened(NamedTuple):
-    """States dy = drift y dτ + input dW that are independent standard normal variables; the noise is sigma y1.
-
-    `drift` (n, n) and `input` (n,) are those of n states; all are nondimensional.
-    """
+    """States dy = drift y dτ + input dW that are independent standard normal variables; the noise is sigma y1."""
 
     sigma: float
     drift: np.ndarray
@@ -43,27 +40,7 @@ def whitened(noise):
 
 
 class Nodes:
-    """Nodes of the whitened states of a filter.
-
-    Parameters
-    ----------
-    noise : FilteredNoise
-    counts : sequence of int
-        Nodes in y1 and, for a filter of two states, in y2.
-    spacing : float, optional
-        Of the nodes in y1; Gauss-Hermite nodes unless given.
-
-    Attributes
-    ----------
-    sigma, drift, input : float, ndarray (n, n), ndarray (n,)
-        Of the noise η = sigma y1, and of its states dy = drift y dτ + input dW.
-    states : ndarray, shape (counts[0], counts[1] or 1, 2)
-        The nodes.
-    values : ndarray, shape (counts[0],)
-        The noise at the nodes of y1.
-    weights : ndarray, shape (counts[0], counts[1] or 1)
-        Probabilities of the nodes.
-    """
+    """Nodes of the whitened states of a filter."""
 
     def __init__(self, noise, counts, spacing=None):
         self.sigma, self.drift, self.input = whitened(noise)
@@ -79,12 +56,7 @@ class Nodes:
         self._degrees = list(np.ndindex(self.weights.shape))
 
     def piecewise_constant_factor(self, duration):
-        """Return the factor near 1 that gives noise, constant over steps of a duration, the right Melnikov variance.
-
-        `duration` is nondimensional. Constant over each step the noise has, on average over the place in a step, the
-        autocovariance that is interpolated linearly between its values at whole steps. With Φ the step of the mean, the
-        values are the first entries of Φ^k, and sums over k of Φ^k exp(-k duration) are geometric series.
-        """
+        """Return the factor near 1 that gives noise, constant over steps of a duration, the right Melnikov variance."""
         phi, _ = transition_and_factor(self.drift, self.input, duration)
         part, weights = gauss_legendre(8)
         weights = 2.0 * duration * weights * np.exp(-duration * part)
@@ -97,10 +69,7 @@ class Nodes:
         return math.sqrt(self._melnikov / variance)
 
     def transition_matrix(self, duration):
-        """Return the matrix (nodes, nodes) that takes the masses of the nodes over a `duration`, nondimensional.
-
-        Its columns sum to 1, and the nodes are those of `weights`, raveled.
-        """
+        """Return the matrix (nodes, nodes) that takes the masses of the nodes over a `duration`, nondimensional."""
         phi, factor = (np.pad(part, (0, 2))[:2, :2] for part in transition_and_factor(self.drift, self.input, duration))
         if self._even:
             return self._moved(phi, factor)
@@ -108,14 +77,7 @@ class Nodes:
         return self.weights.reshape(-1, 1) * (self._table @ gain @ self._table.T)
 
     def _moved(self, phi, factor):
-        """Return a matrix (nodes, nodes) that shares each node's mass among the nodes about where the filter takes it.
-
-        Columns are the nodes before. `phi` (2, 2) and `factor` (2, 2) take the states over the step: their mean, and
-        the Cholesky factor of the noise. It gathers noise of 35 values in the direction of y1, which in a long step
-        have to be as near to each other as its nodes, and of 5 in that of y2. Means, variances and third moments are
-        kept, and mass at rest on one side of the level of lift-off passes to the other side only as far as the filter
-        moves it: polynomials over all nodes would reflect it there.
-        """
+        """Matrix (nodes, nodes) that shares each node's mass among the nodes about where the filter takes it."""
         size, means = self.weights.size, self.states.reshape(-1, 2) @ phi.T
         matrix = np.zeros((size, *self.weights.shape))
         for a, weight in zip(*equispaced_rule(35, 0.36), strict=True):
@@ -127,11 +89,7 @@ class Nodes:
 
 
 def hermite_rule(count):
-    """Return (nodes, weights, polynomials) of Gauss-Hermite quadrature, of shapes (count,), (count,), (count, count).
-
-    The weights sum to 1; column k has the orthonormal Hermite polynomial of degree k at the nodes. They are for the
-    normal distribution, by the eigenvectors of the polynomials' recurrence (Golub and Welsch 1969).
-    """
+    """(nodes, weights, polynomials) of Gauss-Hermite quadrature, of shapes (count,), (count,), (count, count)."""
     beside = np.sqrt(np.arange(1.0, count))
     nodes, vectors = np.linalg.eigh(np.diag(beside, 1) + np.diag(beside, -1))
     nodes, first = 0.5 * (nodes - nodes[::-1]), np.abs(vectors[0])
@@ -139,10 +97,7 @@ def hermite_rule(count):
 
 
 def equispaced_rule(count, spacing):
-    """Return (nodes, weights), (count,) each: nodes of one spacing about 0, weighted by the normal density.
-
-    `spacing` is in standard deviations; the weights sum to 1, and are exact to rounding up to a spacing of .6.
-    """
+    """Return (nodes, weights), (count,) each: nodes of one spacing about 0, weighted by the normal density."""
     nodes = spacing * (np.arange(count) - 0.5 * (count - 1))
     weights = np.exp(-0.5 * nodes**2)
     return nodes, weights / weights.sum()
@@ -156,10 +111,7 @@ def _lagrange(points, nodes):
 
 
 def _cubic(points, lattice):
-    """Return weights (n, m) of the cubic through the four nodes of a `lattice` (m,) about each of the `points` (n,).
-
-    The lattice is equally spaced. Points beyond it are moved to its ends.
-    """
+    """Return weights (n, m) of the cubic through the four nodes of a `lattice` (m,) about each of the `points` (n,)."""
     place = (np.clip(points, lattice[0], lattice[-1]) - lattice[0]) / (lattice[1] - lattice[0])
     first = np.clip(place.astype(int) - 1, 0, len(lattice) - 4)
     out = np.zeros((len(points), len(lattice)))
@@ -168,10 +120,7 @@ def _cubic(points, lattice):
 
 
 def _on_polynomials(phi, degrees):
-    """Return the matrix of a step on normalized Hermite polynomials of two variables, of the given degrees.
-
-    `phi` (2, 2) takes the mean of the states over the step; `degrees` is a list of pairs (a, b), the rows and columns.
-    """
+    """Return the matrix of a step on normalized Hermite polynomials of two variables, of the given degrees."""
     place = {degree: n for n, degree in enumerate(degrees)}
     out = np.zeros((len(degrees), len(degrees)))
     for (a, b), row in place.items():
@@ -188,23 +137,7 @@ def _on_polynomials(phi, degrees):
 
 
 class FilteredDiscretization(NamedTuple):
-    """What a scene with filtered noise is solved with at one resolution: mesh, nodes and steps.
-
-    Parameters
-    ----------
-    plane : Discretization
-        Mesh of angle and velocity, made for white noise of equal Melnikov variance.
-    nodes : tuple of int
-        Nodes in each state of the filter.
-    points : int
-        Gauss points of a cell in both axes; each is one path.
-    time_grid : ndarray
-        Begins of the steps of a symmetry period and its end, as parts of a cycle.
-    active_part : float
-        Part of the cells that hold something, about.
-    spacing : float, optional
-        Of the nodes in the first state; Gauss-Hermite nodes unless given.
-    """
+    """What a scene with filtered noise is solved with at one resolution: mesh, nodes and steps."""
 
     plane: Discretization
     nodes: tuple[int, ...]
@@ -240,10 +173,7 @@ class FilteredDiscretization(NamedTuple):
 
 
 def filtered_discretization(scene, plane, number):
-    """Return the `FilteredDiscretization`, a named tuple with mesh, nodes and steps, of a scene with filtered noise.
-
-    `plane` is the `Discretization` of angle and velocity, `number` that of the resolution in `RESOLUTIONS`, an int.
-    """
+    """Return the `FilteredDiscretization`, a named tuple with mesh, nodes and steps, of a scene with filtered noise."""
     space = scene.noise.space
     states, fastest = space.order, float(np.abs(space.rates.imag).max())
     periods = periods_per_cycle(scene)
@@ -262,20 +192,12 @@ def filtered_discretization(scene, plane, number):
 
 
 def may_rest(scene):
-    """Whether |f| at a cycle's end may be below lift-off, with four standard deviations of noise against it: a bool.
-
-    The `scene`, a `Scene`, has filtered noise and a forcing that repeats.
-    """
+    """Whether |f| at a cycle's end may be below lift-off, with four standard deviations of noise against it: a bool."""
     return abs(scene.forcing.value(0.0)) < scene.block.lift_off + 4.0 * math.sqrt(scene.noise.variance)
 
 
 def node_spacing(scene, most):
-    """Return (count, spacing) of nodes of y1, the level of lift-off at a cycle's end half way between two of them.
-
-    The spacing, in standard deviations, is at most `most`; the nodes reach five. Which nodes are beyond the level tells
-    the part of the blocks that the noise lifts off: with Gauss-Hermite nodes that part was off by up to the half of a
-    weight.
-    """
+    """Return (count, spacing) of nodes of y1, the level of lift-off at a cycle's end half way between two of them."""
     level = abs(scene.block.lift_off - abs(scene.forcing.value(0.0))) / math.sqrt(scene.noise.variance)
     halves = math.ceil(2.0 * level / most - 1e-9) if 4.0 * level > most else 0
     spacing = 2.0 * level / halves if halves else most
@@ -284,11 +206,7 @@ def node_spacing(scene, most):
 
 
 def graded_time_grid(end, longest, shortest):
-    """Return begins of steps and their end (n,), ascending in [0, end]; steps grow from the end backwards.
-
-    They are between a `longest` and a `shortest` one, all as parts of a cycle, and each is at most .3 of the time from
-    its end to the end of the cycle.
-    """
+    """Return begins of steps and their end (n,), ascending in [0, end]; steps grow from the end backwards."""
     before = [0.0]
     while before[-1] < end * (1.0 - 1e-12):
         before.append(before[-1] + min(longest, max(shortest, 0.3 * before[-1])))
@@ -296,10 +214,7 @@ def graded_time_grid(end, longest, shortest):
 
 
 def _fine_about_rest(plane, scene, last):
-    """Return a `Discretization` like `plane`, with more lines about x = v = 0, where blocks come to rest.
-
-    They do so in the `last` step of a symmetry period, given as a part of a cycle.
-    """
+    """Return a `Discretization` like `plane`, with more lines about x = v = 0, where blocks come to rest."""
     part, square = TUNING.rest_cell_velocity, TUNING.rest_cell_angle
     velocity = part * 0.5 * (1.0 - scene.block.restitution) * last * scene.period
     return dataclasses.replace(
@@ -310,10 +225,7 @@ def _fine_about_rest(plane, scene, last):
 
 
 def _with_finer(lines, least, ratio):
-    """Return `lines` (n,) and more about 0, ascending, down to ±`least`; both symmetric about 0, nondimensional.
-
-    From one of the new lines to the next it is a factor of `ratio` at most.
-    """
+    """Return `lines` (n,) and more about 0, ascending, down to ±`least`; both symmetric about 0, nondimensional."""
     first = lines[lines > 0.0][0]
     count = max(math.ceil(math.log(first / least) / math.log(ratio)), 0)
     more = first * (least / first) ** (np.arange(1.0, 1.0 + count) / max(count, 1))
@@ -321,11 +233,7 @@ def _with_finer(lines, least, ratio):
 
 
 def joint_covariance(nodes, covariance, time):
-    """Return the covariance (2 + n, 2 + n) of angle, velocity and n filter states in a slender block's flight.
-
-    It is that at a `time` since the flight's begin. `covariance` (2, 2) is that of angle and velocity at its begin;
-    `nodes`: `Nodes`, or the `Whitened` filter. All are nondimensional.
-    """
+    """Return the covariance (2 + n, 2 + n) of angle, velocity and n filter states in a slender block's flight."""
     count = len(nodes.drift)
     joint = np.zeros((2 + count, 2 + count))
     joint[0, 1] = joint[1, 0] = 1.0
@@ -338,26 +246,7 @@ def joint_covariance(nodes, covariance, time):
 
 
 def exact_moments(dynamics, nodes, mean, covariance, end, side):
-    """Gaussian of an exact block and the filter's states, as long as nothing happens, to second order in its spread.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-        Without noise.
-    nodes : Nodes
-    mean, covariance : ndarray, shapes (2,), (2, 2)
-        Of angle and velocity at time 0, nondimensional.
-    end : float
-        Last time, nondimensional.
-    side : int
-        Side of the flight, ±1.
-
-    Returns
-    -------
-    callable
-        Mean (2,) of angle and velocity, and covariance (2 + states, 2 + states) of these and the whitened states, as a
-        function of a time up to the end.
-    """
+    """Gaussian of an exact block and the filter's states, as long as nothing happens, to second order in its spread."""
     from scipy.integrate import solve_ivp  # takes longer to import than all else here
 
     alpha, forcing, size = dynamics.block.critical_angle, dynamics.forcing, 2 + len(nodes.drift)
@@ -365,7 +254,6 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     rate[0, 1], rate[2:, 2:], source[2:, 2:] = 1.0, nodes.drift, np.outer(nodes.input, nodes.input)
 
     def rates(time, state):
-        """Return the time derivative (n,) of `state` (n,), mean and joint covariance, flattened, at a `time`."""
         x, v, joint = state[0], state[1], state[2:].reshape(size, size)
         phi, force = alpha * (1.0 - side * x), forcing.value(time)
         sine, cosine = side * alpha * math.sin(phi), math.cos(phi)
@@ -382,10 +270,6 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
 
 
 def spread_left(noise, covariance, time):
-    """Return the part, 0 to 1, of the angle's standard deviation that is left where the filter's states are known.
-
-    It is that at a `time`, nondimensional, of a flight under filtered `noise`; `covariance` is that of angle and
-    velocity at its begin, nested tuples ((xx, xv), (xv, vv)), or None for a point.
-    """
+    """Return the part, 0 to 1, of the angle's standard deviation that is left where the filter's states are known."""
     joint = joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
     return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))

@@ -47,16 +47,7 @@ from fpk_rocking.scene.scene import Scene
 
 
 class FilteredStart:
-    """The Gaussian of angle, velocity and the filter's states, in a flight from the start in which nothing happens.
-
-    Parameters
-    ----------
-    scene : Scene
-        With filtered noise.
-    nodes : Nodes
-    dynamics : Dynamics
-        Without noise.
-    """
+    """The Gaussian of angle, velocity and the filter's states, in a flight from the start in which nothing happens."""
 
     def __init__(self, scene, nodes, dynamics):
         self.scene, self.nodes, self.dynamics = scene, nodes, dynamics
@@ -78,10 +69,7 @@ class FilteredStart:
         return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
 
     def at(self, time: float) -> tuple[Array, Array]:
-        """Return (mean, covariance), (2,) and (2 + states, 2 + states), at a `time` since τ = 0, nondimensional.
-
-        The mean is of angle and velocity, the covariance of these and the whitened states.
-        """
+        """Return (mean, covariance), (2,) and (2 + states, 2 + states), at a `time` since τ = 0, nondimensional."""
         if self._moments:
             return self._moments(time)
         flight = self.dynamics.affine(0.0, time)
@@ -95,10 +83,7 @@ class FilteredStart:
         return reach < self.side * mean[0] < self.dynamics.block.cutoff - reach
 
     def takeover_step(self, space: Space, begins: Array) -> int:
-        """Return the number of the step before which the mesh takes over: resolved, or the last without an event.
-
-        `begins` (n,) are the times at which steps begin, from 0 on; the mesh is that of a `Space`.
-        """
+        """Return the number of the step before which the mesh takes over: resolved, or the last without an event."""
         last = 0
         for step, time in enumerate(begins[1:], 1):
             if not self.undisturbed(time):
@@ -109,19 +94,12 @@ class FilteredStart:
         return last
 
     def resolution(self, time: float, space: Space) -> float:
-        """Return the block's least standard deviation, of angle or velocity, in sizes of the mesh cell its mean is in.
-
-        It is a float, at a nondimensional `time` since τ = 0, for known states of the noise; see `resolution_of`.
-        """
+        """Block's least standard deviation, of angle or velocity, in sizes of the mesh cell its mean is in."""
         mean, covariance = self.at(time)
         return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)
 
     def project(self, time: float, space: Space) -> tuple[Array, Array]:
-        """Return (densities, outflow) at a `time` on a mesh, a `Space`.
-
-        The densities are coefficients (nodes in y1, nodes in y2, *space.shape), the outflow (3,) is the mass past the
-        cut-off left and right and truncated.
-        """
+        """Return (densities, outflow) at a `time` on a mesh, a `Space`."""
         mean, covariance = (
             self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
         )
@@ -136,11 +114,7 @@ class FilteredStart:
 
 
 def _points(covariance):
-    """Return (points, weights), (n, 2) and (n,), that stand for a Gaussian about 0 of a covariance (2, 2).
-
-    They are exact in its first moments. Along both axes they have a spacing of a tenth of a standard deviation, up to
-    six.
-    """
+    """Return (points, weights), (n, 2) and (n,), that stand for a Gaussian about 0 of a covariance (2, 2)."""
     values, axes = np.linalg.eigh(covariance)
     lines, spacing = [], 0.1
     for value in np.sqrt(np.maximum(values, 0.0)):
@@ -153,11 +127,7 @@ def _points(covariance):
 
 
 def deposit_points(space: Space, states: Array, masses: Array, side: int, out: Array) -> Array:
-    """Add point masses (n,) at states (n, 2), angle and velocity, to the coefficients `out` of a density.
-
-    `out` has the shape of the `Space`; a point on x = 0 is on the given side, ±1. Returns the outflow (3,): beyond the
-    cut-off to the left and to the right, and beyond the velocity bound.
-    """
+    """Add point masses (n,) at states (n, 2), angle and velocity, to the coefficients `out` of a density."""
     cells, references = [], []
     for lines, values in zip(space.lines, states.T, strict=True):
         cell = np.searchsorted(lines, values, side="right" if side > 0 else "left") - 1
@@ -176,15 +146,7 @@ def deposit_points(space: Space, states: Array, masses: Array, side: int, out: A
 
 
 class FilteredPropagator(CyclicPropagator):
-    """A scene that repeats, under filtered noise, at one resolution; parameters as of `Propagator`.
-
-    Attributes
-    ----------
-    steps : list of list of Step
-        The steps of a symmetry period, each at every node of the noise. They are dropped after `propagate`.
-    memory : float
-        Bytes that steps and states took.
-    """
+    """A scene that repeats, under filtered noise, at one resolution; parameters as of `Propagator`."""
 
     rests_exactly = True
     memory = 0.0
@@ -204,19 +166,12 @@ class FilteredPropagator(CyclicPropagator):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> FilteredDiscretization:
-        """Return the `FilteredDiscretization`: the mesh of the plane, with nodes and steps of one resolution.
-
-        `number` is that of the resolution in `RESOLUTIONS`, an int; the scene has filtered noise.
-        """
+        """Return the `FilteredDiscretization`: the mesh of the plane, with nodes and steps of one resolution."""
         precompilation.start_helpers(precompilation.task_for_block("fpk_rocking.least_runs:rest", scene))
         return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):
-        """Mark in `active`, for each step and node of the noise, the cells that a coarser propagator has active then.
-
-        `coarse` is a `FilteredPropagator`; those of its noise nodes below and above count, in the steps about the begin
-        of the step. Nothing is returned.
-        """
+        """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then."""
         places = np.searchsorted(coarse.nodes.values, self.nodes.values)[: self.active.shape[1]]
         for k, begin in enumerate(self.step_begins[:-1]):
             cells = coarse.active_about(begin, self.space)
@@ -228,10 +183,7 @@ class FilteredPropagator(CyclicPropagator):
         return Dynamics(periodic(self.scene.forcing).with_constant(constant), 0.0, block_of_scene(self.scene))
 
     def _steps_at_nodes(self, k):
-        """Return a list of the `Step` with number k of the symmetry period at each node of y1.
-
-        They share tables.
-        """
+        """Return a list of the `Step` with number k of the symmetry period at each node of y1."""
         begin, duration, space = self.step_begins[k], self.durations[k], self.space
         points = self.discretization.points
         rule, factor = Quadrature(points, points, 1, 1, 1), self.nodes.piecewise_constant_factor(duration)
@@ -244,12 +196,7 @@ class FilteredPropagator(CyclicPropagator):
 
     @property
     def node_error(self) -> float:
-        """Part of the blocks at rest after a cycle that the nodes may misplace, though all resolutions agree.
-
-        It is what nodes beyond the level of lift-off weigh too much or too little, and a part of a node's weight there.
-        Relative to the probability that the force at τ = 0 holds a block at rest; one number for all cycles. It is 0
-        where the nodes have no `spacing`, as where no block can rest.
-        """
+        """Part of the blocks at rest after a cycle that the nodes may misplace, though all resolutions agree."""
         if self.discretization.spacing is None:
             return 0.0
         level, sigma = self.scene.block.lift_off, self.nodes.sigma
@@ -261,10 +208,7 @@ class FilteredPropagator(CyclicPropagator):
         return misplaced / (above - below)
 
     def _transition(self, time):
-        """Return the matrix (nodes, nodes) that takes the masses of the nodes over a `time`; kept for the next cycle.
-
-        The time is a duration, nondimensional.
-        """
+        """Matrix (nodes, nodes) that takes the masses of the nodes over a `time`; kept for the next cycle."""
         key = round(time / self.scene.period, 12)
         if key not in self._transitions:
             self._transitions[key] = self.nodes.transition_matrix(time)
@@ -278,11 +222,7 @@ class FilteredPropagator(CyclicPropagator):
     def propagate(
         self, times: Array, progress: Callable[[], object] | None = None, start: Start | None = None
     ) -> Solution:
-        """Return the `Solution`, as `Propagator.propagate`; the steps are dropped then, and `memory` set.
-
-        So it can be called once. `times` (rows,) are nondimensional, `progress` is called at each time but the first,
-        and `start` is in place of the scene's.
-        """
+        """Return the `Solution`, as `Propagator.propagate`; the steps are dropped then, and `memory` set."""
         solution = super().propagate(times, progress, start)
         densities = 3 * 8 * self.nodes.weights.size * self.space.unknowns
         shears = sum(part.nbytes for steps in self.steps for part in steps[0].angle_remap)
@@ -291,10 +231,7 @@ class FilteredPropagator(CyclicPropagator):
         return solution
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """Return the `PeriodicState` before which step the mesh takes the start over; at rest, that at the start.
-
-        `times` is not used.
-        """
+        """Return the `PeriodicState` before which step the mesh takes the start over; at rest, that at the start."""
         begin = FilteredStart(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
         shape = self.nodes.weights.shape
         if begin.at_rest:
@@ -306,12 +243,7 @@ class FilteredPropagator(CyclicPropagator):
         return PeriodicState(first, begins[first], density, outflow, at_rest=np.zeros(shape), first=True)
 
     def _apply(self, k, state):
-        """Return (density, outflow, masses at rest) of a `PeriodicState` after step k of the symmetry period.
-
-        Mass is exchanged between nodes over half of the step before and half of step k, and then step k is taken.
-        Density (nodes in y1, nodes in y2, ``space.shape``) and masses (nodes in y1, nodes in y2) are new arrays; the
-        outflow (3,) is that of the step.
-        """
+        """Return (density, outflow, masses at rest) of a `PeriodicState` after step k of the symmetry period."""
         before = 0.0 if state.first else self.durations[k - 1]
         matrix = self._transition(0.5 * (self.durations[k] + before))
         density = (matrix @ state.density.reshape(len(matrix), -1)).reshape(state.density.shape)
@@ -319,11 +251,7 @@ class FilteredPropagator(CyclicPropagator):
         return density, self._move(k, density, at_rest), at_rest
 
     def _move(self, k, density, at_rest):
-        """Move densities and masses at rest, in place, by step k; return the outflow (3,), left, right, truncated.
-
-        `density` (nodes in y1, nodes in y2, ``space.shape``) are coefficients, `at_rest` (nodes in y1, nodes in y2)
-        masses.
-        """
+        """Move densities and masses at rest, in place, by step k; return the outflow (3,), left, right, truncated."""
         self._activate(k, density)
         outflow = np.zeros(3)
         for a, step in enumerate(self.steps[k]):
@@ -341,10 +269,7 @@ class FilteredPropagator(CyclicPropagator):
         return outflow
 
     def _lifted_off(self, k, a):
-        """Return what a mass of 1 at rest becomes in step k at node a of y1, None where it stays; kept for all cycles.
-
-        It is indices of cells (2, n), the coefficients in these (n, modes, modes), and the outflow (3,).
-        """
+        """What a mass of 1 at rest becomes in step k at node a of y1, None where it stays; kept for all cycles."""
         if (k, a) not in self._lifted:
             x, v, side = self._from_rest(self.steps[k][a].characteristics)
             unit = np.zeros(self.space.shape)
@@ -354,18 +279,12 @@ class FilteredPropagator(CyclicPropagator):
         return self._lifted[k, a]
 
     def _from_rest(self, characteristics):
-        """Return (x, v, side), at the end of a step, of a block that is at rest at its begin; side ±1, or 0 at rest.
-
-        The step is that of the `Characteristics`.
-        """
+        """Return (x, v, side), at the end of a step, of a block that is at rest at its begin; side ±1, or 0 at rest."""
         segment = characteristics.dynamics.segment(characteristics.start, characteristics.duration)
         return advance_from_rest(segment, characteristics.duration, characteristics.dynamics.block)
 
     def _activate(self, k, density):
-        """Activate in step k the cells with more than a negligible mass at one of the nodes that share them.
-
-        `density` (nodes in y1, nodes in y2, ``space.shape``) are coefficients.
-        """
+        """Activate in step k the cells with more than a negligible mass at one of the nodes that share them."""
         size = len(density) // self.active.shape[1]
         for group, cells in enumerate(self.active[k]):
             nodes, beyond = slice(group * size, (group + 1) * size), False
@@ -380,10 +299,7 @@ class FilteredPropagator(CyclicPropagator):
                     step.activate(grown)
 
     def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Return the `Snapshot`, density, outflow and mass at rest, of a `PeriodicState`, summed over all nodes.
-
-        They are reflected back where it is the mirror image.
-        """
+        """Return the `Snapshot`, density, outflow and mass at rest, of a `PeriodicState`, summed over all nodes."""
         marginal = state.density.sum(axis=(0, 1))
         return Snapshot(
             reflected(marginal) if state.reflected else marginal, state.outflow, not_none(state.at_rest).sum()
@@ -392,9 +308,6 @@ class FilteredPropagator(CyclicPropagator):
 
 @kernel
 def advance_from_rest(segment, duration, block):
-    """Return (x, v, side) after a step of a block that is at rest at its begin; side ±1, or 0 at rest.
-
-    The forcing is that of the `Segment` up to its time `duration`; `block` is a `KernelBlock`.
-    """
+    """Return (x, v, side) after a step of a block that is at rest at its begin; side ±1, or 0 at rest."""
     x, v, side, _ = advance_through_events(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side

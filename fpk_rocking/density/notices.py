@@ -37,11 +37,7 @@ def refuse_filtered(scene: Scene) -> None:
 
 
 def refuse_unsolvable(scene: Scene) -> None:
-    """Raise ValueError for a scene that the density solver cannot take, else return None.
-
-    Its noise is white or filtered. It is out of range, without noise, of too many states of a filter, or with
-    infinitely many impacts.
-    """
+    """Raise ValueError for a scene that the density solver cannot take, else return None."""
     ranges.check(scene)
     noise = scene.noise
     if noise.kind == "filtered":
@@ -66,10 +62,7 @@ def refuse_unsolvable(scene: Scene) -> None:
 
 
 def refuse_slow(scene: Scene) -> None:
-    """Raise ValueError for a scene with noise so slow that a start of small spread stays a curve; else return None.
-
-    The noise is filtered: the curve is the density at each of its states.
-    """
+    """Raise ValueError for a scene with noise so slow that a start of small spread stays a curve; else return None."""
     noise = scene.noise
     if noise.kind != "filtered":
         return
@@ -90,10 +83,7 @@ def refuse_slow(scene: Scene) -> None:
 
 
 def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
-    """Raise ValueError for too many bytes: `needed` by a solution, `stored` of its density at all `rows` times.
-
-    `scene` is solved, and `rows` a count; otherwise None is returned.
-    """
+    """Raise ValueError for too many bytes: `needed` by a solution, `stored` of its density at all `rows` times."""
     largest = TUNING.largest_filtered if scene.noise.kind == "filtered" else TUNING.largest_white
     if needed > largest:
         raise ValueError(
@@ -114,23 +104,7 @@ def warn_beyond(
     stacklevel: int,
     names: tuple[str, str] = ("tol", "bins_tol"),
 ) -> None:
-    """Warn where an estimated error, or that of the binned density, is larger than wanted; nothing is returned.
-
-    Parameters
-    ----------
-    what : str
-        The quantity that the first error is of, for the text of the warning.
-    refined : Refined
-        Its estimates.
-    wanted, bins_wanted : float
-        What they should be at most; the second is an L1 error.
-    instead : str
-        What else to try, in the imperative, which ends the warning: "compare with Monte Carlo".
-    stacklevel : int
-        Calls from here to the user's, for the warning's line.
-    names : tuple of str
-        Parameters that tell what is wanted: that of the first error and that of the second.
-    """
+    """Warn where an estimated error, or that of the binned density, is larger than wanted; nothing is returned."""
     if refined.error > wanted or refined.bins_error > bins_wanted:
         missed = itertools.compress(names, (refined.error > wanted, refined.bins_error > bins_wanted))
         allowed = " and ".join(dict.fromkeys(missed))
@@ -144,22 +118,7 @@ def warn_beyond(
 
 
 def estimated_seconds(scene: Scene, discretization: Discretization, times: Array) -> float:
-    """Seconds of one processor that a solution takes, to about a factor of two.
-
-    Parameters
-    ----------
-    scene : Scene
-        With white noise.
-    discretization : Discretization
-        Its mesh and steps.
-    times : ndarray, shape (rows,)
-        Nondimensional times that it is wanted for.
-
-    Returns
-    -------
-    float
-        Seconds.
-    """
+    """Seconds of one processor that a solution takes, to about a factor of two."""
     space = Space(discretization.angle_lines, discretization.velocity_lines, discretization.degree)
     dynamics, rule = Dynamics.of(scene), discretization.quadrature
     duration = cycle_of(scene) / discretization.steps
@@ -176,11 +135,7 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
 
 
 def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:
-    """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them.
-
-    `times` (rows,): those of the result, nondimensional; `tol`: wanted error of survival, which sets the number of
-    sampled paths; `discretizations`: mesh and steps of each solution of `scene`. Nothing is returned.
-    """
+    """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them."""
     if scene.noise.kind != "white":
         return
     seconds = sum(estimated_seconds(scene, discretization, times) for discretization in discretizations)
@@ -193,11 +148,7 @@ def announce(scene: Scene, discretizations: Sequence[Discretization], times: Arr
 
 
 def announce_finer(scene: Scene, before: Discretization, finer: Discretization, times: Array, taken: float) -> None:
-    """Print to standard error the estimated time of a finer solution, if long, by that of the one before.
-
-    `before`, `finer`: their meshes and steps; `times` (rows,): those of the result, nondimensional; `taken`: seconds
-    that the one before took. Only white noise has an estimate: for other noise nothing is printed. Nothing is returned.
-    """
+    """Print to standard error the estimated time of a finer solution, if long, by that of the one before."""
     if scene.noise.kind != "white":
         return
     seconds = taken * estimated_seconds(scene, finer, times) / estimated_seconds(scene, before, times)

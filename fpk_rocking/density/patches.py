@@ -46,18 +46,11 @@ class Gaussian:
         return [0.5 * math.erfc((cutoff + sign * self.mean[0]) / spread) for sign in (1.0, -1.0)]
 
     def resolution(self, space):
-        """Return the least conditional standard deviation over the size of the cell that the mean is in, a float.
-
-        The mesh is `space`, a `Space`. The deviations are that of the angle at a known velocity, and the other way
-        round.
-        """
+        """Return the least conditional standard deviation over the size of the cell that the mean is in, a float."""
         return resolution_of(self.mean, self.covariance, space)
 
     def after_flight(self, dynamics: Dynamics, start, duration, side):
-        """Return the `Gaussian` after a flight of a slender block, on `side`, ±1, in which nothing happens.
-
-        The flight is from time `start` on for a `duration`, nondimensional, under the forcing and noise of `dynamics`.
-        """
+        """Return the `Gaussian` after a flight of a slender block, on `side`, ±1, in which nothing happens."""
         flight = dynamics.affine(start, duration)
         xx, xv, vv = dynamics.covariance(start, duration)
         covariance = flight.matrix @ self.covariance @ flight.matrix.T + [[xx, xv], [xv, vv]]
@@ -65,11 +58,7 @@ class Gaussian:
 
 
 def resolution_of(mean, covariance, space):
-    """Return a Gaussian's least conditional standard deviation over the size of the mesh cell that its mean is in.
-
-    `mean` (2,) and `covariance` (2, 2) are those of angle and velocity; the mesh is `space`, a `Space`. It is 0 where a
-    variance is 0.
-    """
+    """Return a Gaussian's least conditional standard deviation over the size of the mesh cell that its mean is in."""
     (xx, xv), (_, vv) = covariance
     if min(xx, vv) <= 0.0:
         return 0.0
@@ -78,18 +67,11 @@ def resolution_of(mean, covariance, space):
 
 
 def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
-    """Return a function of time from 0 on: the `Gaussian` of an exact block in a flight in which nothing happens.
-
-    `gaussian` is that at time 0, `side` the side of the flight, ±1. Its moments obey ordinary differential equations of
-    first order in its spread, which are integrated as far as asked, by two half steps and a whole one, with cubics
-    between: to import an integrator would take longer. A step meets the time `end`. `dynamics` are those of the scene,
-    with its noise. All are nondimensional.
-    """
+    """Return a function of time from 0 on: the `Gaussian` of an exact block in a flight in which nothing happens."""
     block, envelope = dynamics.block, dynamics.envelope
     alpha, saddle, scale = block.critical_angle, block.saddles[side > 0], block.scales[side > 0]
 
     def rates(time, state):
-        """Return time derivatives (5,) of `state` (5,): means x, v and covariances xx, xv, vv, at `time`."""
         x, v, xx, xv, vv = state.tolist()
         phi, force = alpha * (saddle - side * x), dynamics.force(time)
         sine, cosine = scale * math.sin(phi), scale * math.cos(phi)
@@ -104,7 +86,6 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
     slopes = [rates(0.0, states[0])]
 
     def at(time):
-        """Return the `Gaussian` at a `time`, integrated up to there if it is not yet."""
         nonlocal step
         # Most starts meet the mesh long before the end, and a record makes many steps.
         while times[-1] < time:
@@ -131,10 +112,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
 
 
 def _runge_kutta(rates, time, state, slope, step):
-    """Return the state (n,) after a `step` of the classical method of order 4 from `state` (n,) at `time`.
-
-    ``rates(time, state)`` returns time derivatives (n,); `slope` are those at the begin.
-    """
+    """Return the state (n,) after a `step` of the classical method of order 4 from `state` (n,) at `time`."""
     first = rates(time + 0.5 * step, state + 0.5 * step * slope)
     second = rates(time + 0.5 * step, state + 0.5 * step * first)
     last = rates(time + step, state + step * second)
@@ -142,12 +120,7 @@ def _runge_kutta(rates, time, state, slope, step):
 
 
 def initial_density(start, space, cutoff):
-    """Return (coefficients, masses) of a Gaussian start on a mesh: its density, and what is past the cut-offs.
-
-    The coefficients have the shape ``space.shape``, (angle cells, velocity cells, degree + 1, degree + 1); the masses
-    are a list, left and right. All are zero for a point. `start`: the `Start` of a scene; `space`: the mesh; `cutoff`:
-    angle of overturning.
-    """
+    """Return (coefficients, masses) of a Gaussian start on a mesh: its density, and what is past the cut-offs."""
     if start.covariance is None:
         return np.zeros(space.shape), [0.0, 0.0]
     gaussian = Gaussian.of(start)
@@ -161,12 +134,7 @@ def cell_size(lines, point):
 
 
 def patch_of(settings, mean, covariance, cutoff, box=None):
-    """Return a `Space` that resolves a density of mean (2,) and covariance (2, 2), `reach` deviations to all sides.
-
-    `settings`: `PatchSettings`, with that reach; `cutoff`: angle of overturning, where the patch ends. `box` (angle
-    from, to, velocity from, to) holds what the moments do not tell of: tails, and what an impact has split off. The
-    patch covers it with cells of the same size, up to 60 of them an axis. All are nondimensional.
-    """
+    """Return a `Space` that resolves a density of mean (2,) and covariance (2, 2), `reach` deviations to all sides."""
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
     count = math.ceil(settings.cells * max(1.0, 0.5 / thin))
@@ -183,21 +151,14 @@ def patch_of(settings, mean, covariance, cutoff, box=None):
 
 
 def _within(lines, cutoff):
-    """Return mesh lines (m,) of equal cells, cut at ± the cut-off, an angle, from `lines` (n,).
-
-    A remainder below a tenth of a cell joins its neighbour.
-    """
+    """Return mesh lines (m,) of equal cells, cut at ± the cut-off, an angle, from `lines` (n,)."""
     first, last, thin = max(lines[0], -cutoff), min(lines[-1], cutoff), 0.1 * (lines[1] - lines[0])
     inner = lines[(lines > first + thin) & (lines < last - thin)]
     return np.concatenate([[first], inner, [last]])
 
 
 def next_patch(settings, step: Characteristics, coefficients, cutoff):
-    """Return a `Space`, a patch for the density after a step, by the moments of the mass that has not overturned.
-
-    `settings`: `PatchSettings`; `cutoff`: angle of overturning; `step`: the paths. `coefficients` (``space.shape`` of
-    the patch on which these begin) are those of the density before it. Where next to no mass is left it is that patch.
-    """
+    """Return a `Space`, a patch for the density after a step, by the moments of the mass that has not overturned."""
     source = step.source
     # Cells that are not active have no characteristics.
     points = step.points
@@ -218,13 +179,7 @@ def next_patch(settings, step: Characteristics, coefficients, cutoff):
 
 @kernel
 def moment_sums(values, points, flown, events, states, codes, least):
-    """Return sums of mass times 1, x, v, x^2, xv, v^2 over the ends of paths that did not overturn, and their box.
-
-    It is a tuple of six floats and the box, (angle from, to, velocity from, to), which leaves out nodes with a mass
-    below `least`. `values` are the masses of the Gauss points (angle cells, velocity cells, g, h), `flown` the
-    `AffinePaths` of cells without events; `points` are `GaussPoints`. Of `Characteristics`: `events` are its `numbers`
-    (angle cells, velocity cells), `states` its `ends` (m, g, h, n, 2), `codes` its `flags` (m, g, h, n).
-    """
+    """Return sums of mass times 1, x, v, x^2, xv, v^2 over the ends of paths that did not overturn, and their box."""
     total, sx, sv, sxx, sxv, svv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     points = borrowed(points)
     left, right, slow, fast = np.inf, -np.inf, np.inf, -np.inf

@@ -32,92 +32,28 @@ from fpk_rocking.scene.scene import Scene
 
 
 class Snapshot(NamedTuple):
-    """The density at one time, with the masses that it does not contain.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape ``space.shape``
-        Of the density of the blocks that stand; of those that move, where `at_rest` has the others.
-    outflow : ndarray, shape (3,)
-        Masses that left the mesh so far: absorbed at the left and at the right cut-off, and truncated.
-    at_rest : float
-        Mass at rest, which has no density.
-    resolved : bool
-        Whether the mesh resolves the density; else it tells survival alone.
-    reinjected : float
-        Largest mass so far that had come to rest and was lifted off again.
-    """
+    """The density at one time, with the masses that it does not contain."""
 
     coefficients: Array
-    outflow: Array
+    outflow: Array  # (3,)
     at_rest: float = 0.0
     resolved: bool = True
     reinjected: float = 0.0
 
 
 class Solution(NamedTuple):
-    """A density at all times that are asked for: the rows of its arrays.
+    """A density at all times that are asked for: the rows of its arrays."""
 
-    Parameters
-    ----------
-    survival : ndarray, shape (rows,)
-        Mass that has not overturned, at rest or not.
-    outflow : ndarray, shape (rows, 3)
-        Masses absorbed at the left and at the right cut-off, and truncated.
-    coefficients : ndarray, shape (rows, *space.shape)
-        Of the density; of the blocks that move, where `at_rest` has the others.
-    at_rest : ndarray, shape (rows,), or None
-        Mass at rest, where blocks can rest exactly.
-    resolved : ndarray of bool, shape (rows,)
-        Rows whose density the mesh resolves; of others survival alone is judged.
-    reinjected : float
-        Largest mass that had come to rest and was lifted off again.
-    """
-
-    survival: Array
-    outflow: Array
-    coefficients: Array
+    survival: Array  # (rows,)
+    outflow: Array  # (rows, 3)
+    coefficients: Array  # (rows, *space.shape)
     at_rest: Array | None
-    resolved: Array
+    resolved: Array  # (rows,)
     reinjected: float = 0.0
 
 
 class Propagator(abc.ABC):
-    """A scene at one resolution: its mesh, its steps, and the loop over them.
-
-    A kind of propagator is a subclass with `initial_state`, `advance`, `snapshot`, `memory` and a constructor
-    ``(scene, discretization, negligible, coarse=None)``. Its states have a `time`.
-
-    The outflow (3,) is the mass that has left the mesh so far: overturned left and right, and truncated. It has these
-    entries, and `solve_fpk` makes `Evolution.overturned` of it:
-
-    * before the mesh takes over: `initial_density` at time 0 (here, `propagate`), the start-up (`StartUp.project`) and,
-      under filtered noise, `FilteredStart.project`;
-    * in a step: `Step.apply` returns the masses of the paths that end in an `Exit`, and of free flights that pass a
-      cut-off, whose side is that of their cell. `CyclicPropagator.advance` adds them, left and right exchanged where
-      the step stands for its mirror image, and `TransientPropagator.advance`, where no step does;
-    * on return from rest: the start-up of a `ReInjection` (`transient`), and blocks that filtered noise lifts off
-      (`FilteredPropagator._move`).
-
-    Rest is one of three things:
-
-    * white noise, a scene that repeats: no block rests. `Evolution.at_rest` is the mass next to rest, by `near_rest`;
-    * white noise, a scene that does not: mass next to rest is taken as resting from times that `Sticking` allows
-      (`TransientPropagator._stick`) and returns as a `ReInjection` at the next lift-off;
-    * filtered noise: a path that comes to rest ends in `Exit.REST` (`step.characteristics._split_kicks`), and its mass
-      stays at its node of the noise until `advance_from_rest` lifts it off (`FilteredPropagator._move`).
-
-    Parameters
-    ----------
-    scene : Scene
-        With white or filtered noise.
-    discretization : Discretization or FilteredDiscretization
-        Mesh and steps.
-    plane : Discretization
-        The mesh of the plane.
-    negligible : float
-        A cell that holds less mass is not active: what comes to it is truncated, and counted.
-    """
+    """A scene at one resolution: its mesh, its steps, and the loop over them."""
 
     rests_exactly: ClassVar[bool] = False
     """Whether blocks rest at x = v = 0, with a probability that the density does not contain."""
@@ -134,36 +70,23 @@ class Propagator(abc.ABC):
 
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
-        """Return the discretization for the constructor, from `plane`, mesh and steps of the plane at one resolution.
-
-        `number` is that of the resolution in `RESOLUTIONS`, an int; here it is `plane` itself.
-        """
+        """Discretization for the constructor, from `plane`, mesh and steps of the plane at one resolution."""
         return plane
 
     @abc.abstractmethod
     def initial_state(self, start: Start, times: Array) -> Any:
-        """Return the first state from the start on whose density the mesh resolves; its class is the subclass's.
-
-        `times` (rows,) are those of the results, nondimensional; `start` is a `Start`.
-        """
+        """Return the first state from the start on whose density the mesh resolves; its class is the subclass's."""
 
     @abc.abstractmethod
     def advance(self, state: Any, latest: float) -> Any:
-        """Return the state after one step or more, not later than `latest`, a time at which a step ends.
-
-        Its class is that of `state`, the subclass's.
-        """
+        """Return the state after one step or more, not later than `latest`, a time at which a step ends."""
 
     @abc.abstractmethod
     def snapshot(self, state: Any) -> Snapshot:
         """Return the `Snapshot` of a state: coefficients of its density, its outflow and its mass at rest."""
 
     def states(self, times: Array, start: Start) -> Iterator[Any]:
-        """Yield the first state that the mesh resolves and the state after every step, to the last of the times.
-
-        `times` (rows,) are those of the results, nondimensional, from 0 on; `start`, a `Start`, is where the block
-        begins. The class of states is the subclass's.
-        """
+        """Yield the first state that the mesh resolves and the state after every step, to the last of the times."""
         state = self.initial_state(start, times)
         yield state
         for time in times[1:]:
@@ -174,22 +97,7 @@ class Propagator(abc.ABC):
     def propagate(
         self, times: Array, progress: Callable[[], object] | None = None, start: Start | None = None
     ) -> Solution:
-        """Propagate the density from the start of the scene to all times that are asked for.
-
-        Parameters
-        ----------
-        times : ndarray, shape (rows,)
-            Ascending nondimensional times, the first 0; of a scene that repeats they are whole cycles.
-        progress : callable, optional
-            Called at each time but the first.
-        start : Start, optional
-            In place of the scene's.
-
-        Returns
-        -------
-        Solution
-            Named tuple of survival, outflow, coefficients and masses at rest by row.
-        """
+        """Propagate the density from the start of the scene to all times that are asked for."""
         rows, row, start = len(times), 1, start or self.scene.start
         coefficients, outflow = np.zeros((rows, *self.space.shape)), np.zeros((rows, 3))
         survival, at_rest, resolved, reinjected = np.ones(rows), np.zeros(rows), np.zeros(rows, dtype=bool), 0.0
@@ -212,30 +120,12 @@ def _reached(state, time):
 
 
 class PeriodicState(NamedTuple):
-    """A density between two steps.
-
-    Parameters
-    ----------
-    step : int
-        Number of steps since τ = 0.
-    time : float
-        τ, nondimensional.
-    density : ndarray, shape (..., *space.shape)
-        Coefficients; under filtered noise at each node of it.
-    outflow : ndarray, shape (3,)
-        Masses absorbed at the left and at the right cut-off, and truncated; never reflected.
-    reflected : bool
-        Whether density and rest are those of the mirror image: reflected, with the nodes in reverse.
-    at_rest : ndarray, optional
-        Masses at rest at the nodes of filtered noise.
-    first : bool
-        Whether no step has been taken yet.
-    """
+    """A density between two steps."""
 
     step: int
     time: float
-    density: Array
-    outflow: Array
+    density: Array  # (..., *space.shape)
+    outflow: Array  # (3,)
     reflected: bool = False
     at_rest: Array | None = None
     first: bool = False
@@ -249,20 +139,7 @@ class PeriodicState(NamedTuple):
 
 
 class CyclicPropagator(Propagator):
-    """A propagator over whole forcing cycles; a subclass makes the steps of a symmetry period and applies them.
-
-    Attributes
-    ----------
-    step_begins : ndarray, shape (steps of a symmetry period + 1,)
-        Begins of the steps and the end of the last, nondimensional.
-    steps_per_cycle : int
-    periods_per_cycle : int
-        Symmetry periods in a cycle, 1 or 2; with 2 the density is reflected after each.
-    steps : list
-        The steps of a symmetry period.
-    active : ndarray of bool, shape (steps of a symmetry period, ..., angle cells, velocity cells)
-        Cells that have held more than a negligible mass at the begin of a step.
-    """
+    """A propagator over whole forcing cycles; a subclass makes the steps of a symmetry period and applies them."""
 
     steps: list[Any]
 
@@ -275,33 +152,20 @@ class CyclicPropagator(Propagator):
             self.active[:] = [coarse.active_about(begin, self.space) for begin in step_begins[:-1]]
 
     def active_about(self, time: float, space: Space) -> Array:
-        """Return a mask of the cells of another `Space` that meet an active cell of the steps about a `time`.
-
-        The time is within the symmetry period; the mask is (..., angle cells, velocity cells) like those in `active`.
-        """
+        """Return a mask of the cells of another `Space` that meet an active cell of the steps about a `time`."""
         before, after = self._steps_about(time)
         return overlapping_cells(self.space, self.active[before] | self.active[min(after, len(self.active) - 1)], space)
 
     @abc.abstractmethod
     def _steps_about(self, time):
-        """Return two numbers: that of the last step that begins by a `time`, and of one that begins after it or then.
-
-        The time is within the symmetry period.
-        """
+        """Two numbers: that of the last step that begins by a `time`, and of one that begins after it or then."""
 
     @abc.abstractmethod
     def _apply(self, k, state):
-        """Return (density, outflow, at rest) of a `PeriodicState` after step k of the symmetry period.
-
-        They are coefficients (..., *space.shape), masses (3,) and masses at rest at the nodes of filtered noise, else
-        None.
-        """
+        """Return (density, outflow, at rest) of a `PeriodicState` after step k of the symmetry period."""
 
     def advance(self, state: PeriodicState, latest: float) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """Return the `PeriodicState` after the next step; `latest` is not used.
-
-        It is reflected where that step is the mirror image of one of the symmetry period.
-        """
+        """Return the `PeriodicState` after the next step; `latest` is not used."""
         k = state.step % len(self.active)
         if (state.step % self.steps_per_cycle != k) != state.reflected:
             state = state.mirror_image()
@@ -355,10 +219,7 @@ class PeriodicPropagator(CyclicPropagator):
         return PeriodicState(first, self.time_of(first), *startup.project(time, self.space))
 
     def _apply(self, k, state):
-        """Return (density, outflow, None) of a `PeriodicState` after step k: shapes ``space.shape`` and (3,).
-
-        All cells of the step that are not negligible are made active.
-        """
+        """Return (density, outflow, None) of a `PeriodicState` after step k: shapes ``space.shape`` and (3,)."""
         step = self.steps[k]
         if mark_massive_cells(
             state.density, self.space.areas, self.negligible, step.characteristics.active, self.active[k]

@@ -20,44 +20,19 @@ SOLUTIONS = 3
 
 @dataclasses.dataclass
 class Level:
-    """A solution at one resolution, and what refinement compares of it with other solutions.
-
-    Parameters
-    ----------
-    solution : object
-        What the caller computed.
-    quantity : ndarray
-        The wanted quantity, whose largest difference counts: survival, left and right at all times, or the logarithm of
-        a rate.
-    bins : ndarray, shape (rows, bins)
-        Probabilities in the bins of each density, whose L1 difference counts.
-    resolved : ndarray of bool, shape (rows,)
-        Rows of the bins that are compared.
-    error : callable
-        Takes estimated errors of the quantity and of the bins from differences; returns the error of the quantity with
-        all that differences do not tell.
-    negative_mass : float
-        Largest integral of max(-p, 0) over the densities p.
-    memory : float
-        Bytes that it took.
-    seconds : float
-        Seconds that it took.
-    """
+    """A solution at one resolution, and what refinement compares of it with other solutions."""
 
     solution: Any
     quantity: Array
-    bins: Array
-    resolved: Array
+    bins: Array  # (rows, bins)
+    resolved: Array  # (rows,)
     error: Callable[[float, float], float]
     negative_mass: float
     memory: float
     seconds: float = 0.0
 
     def differences(self, coarser: "Level") -> tuple[float, float]:
-        """Return the largest differences from a `coarser` level, (quantity's, binned density's in L1), floats.
-
-        They are inf where undefined.
-        """
+        """Return the largest differences from a `coarser` level, (quantity's, binned density's in L1), floats."""
         quantity = float(abs(self.quantity - coarser.quantity).max())
         rows = self.resolved & coarser.resolved
         bins = float(abs(self.bins - coarser.bins)[rows].sum(axis=1).max(initial=0.0))
@@ -65,17 +40,7 @@ class Level:
 
 
 class Refined(NamedTuple):
-    """All levels of a refinement, and the estimated errors of the last.
-
-    Parameters
-    ----------
-    levels : list of Level
-        From coarse to fine.
-    error, bins_error : float
-        Estimated errors of the wanted quantity and of the binned density (L1).
-    finer : int
-        Number of finer resolutions that are left.
-    """
+    """All levels of a refinement, and the estimated errors of the last."""
 
     levels: list[Level]
     error: float
@@ -93,10 +58,7 @@ class Refined(NamedTuple):
         return self.levels[-2]
 
     def within(self, wanted: float, bins_wanted: float) -> bool:
-        """Whether both errors are as small as wanted, and the density is resolved: a bool.
-
-        `wanted` is that of the quantity, `bins_wanted` that of the binned density (L1).
-        """
+        """Whether both errors are as small as wanted, and the density is resolved: a bool."""
         resolved = self.fine.negative_mass <= TUNING.unresolved_negative_mass
         return self.error <= wanted and self.bins_error <= bins_wanted and resolved
 
@@ -108,28 +70,7 @@ def refine(
     is_done: Callable[[Refined], bool],
     coarser: Sequence[Any] = (),
 ) -> Refined:
-    """Solve on ever finer resolutions until the errors are small enough.
-
-    Where the first two agree well, the third solution is coarser than both, and cheap, and not finer.
-
-    Parameters
-    ----------
-    resolutions : list
-        What `solve` takes, from coarse to fine; at least `SOLUTIONS`.
-    solve : callable
-        Takes a resolution and the level before (None at first), returns a level.
-    fits : callable
-        Takes the last level and a resolution: whether there is memory for it. Not called for the first `SOLUTIONS`.
-    is_done : callable
-        Takes a `Refined`: whether it is good enough, or finer levels will not be.
-    coarser : sequence, optional
-        Resolutions coarser than the first, from coarse to fine.
-
-    Returns
-    -------
-    Refined
-        Named tuple of all levels and the errors of the last.
-    """
+    """Solve on ever finer resolutions until the errors are small enough."""
     levels: list[Level] = []
     for number, resolution in enumerate(resolutions, 1):
         if number > SOLUTIONS and not fits(levels[-1], resolution):
@@ -146,12 +87,7 @@ def refine(
 
 
 def estimate_errors(levels: list[Level], finer: int) -> Refined:
-    """Return the `Refined` of some levels: the errors of the last, estimated from its differences from the others.
-
-    `levels` are from coarse to fine; `finer` is the number of resolutions that are left. Two levels may agree by
-    chance: their difference counts twice. Errors of bins are sums over many and seldom small by chance, so the
-    difference before the last counts less there.
-    """
+    """Return the `Refined` of some levels: the errors of the last, estimated from its differences from the others."""
     fine = levels[-1]
     quantity, bins = zip(*(fine.differences(level) for level in levels[:-1]), strict=True)
     if len(levels) == SOLUTIONS - 1:
@@ -161,27 +97,13 @@ def estimate_errors(levels: list[Level], finer: int) -> Refined:
 
 
 def safe_difference(distances: tuple[float, ...]) -> float:
-    """Return the estimated error, a float, of the last of finer and finer solutions, from its `distances` (n,).
-
-    These are its distances to the other solutions, in their order. The solutions are three or more. The last distance
-    is the error of the solution before, if the last solution is far better. It can be accidentally small; .3 of the
-    previous distance is therefore a floor. The result is 1.4 times the larger, for safety. Earlier distances do not
-    enter.
-    """
+    """Return the estimated error, a float, of the last of finer and finer solutions, from its `distances` (n,)."""
     before, last = distances[-2:]
     return TUNING.safety * max(last, TUNING.difference_before * before)
 
 
 class ProgressCount:
-    """Counts the rows of all solutions, of which there are at least `SOLUTIONS`.
-
-    Parameters
-    ----------
-    report : callable or None
-        Called as ``report(done, total)`` after each row, with numbers of rows.
-    rows : int
-        Rows, the times but the first, of one solution.
-    """
+    """Counts the rows of all solutions, of which there are at least `SOLUTIONS`."""
 
     def __init__(self, report: Progress | None, rows: int) -> None:
         self.report, self.rows, self.done, self.total = checks.report(report), rows, 0, SOLUTIONS * rows

@@ -31,17 +31,7 @@ def in_rest(angles, velocities):
 
 
 class StateRange(NamedTuple):
-    """How far a block moves before it overturns, over all times of exploratory paths; nondimensional.
-
-    Parameters
-    ----------
-    angle, velocity : float
-        |x| and |v| that nine tenths of the states are below.
-    angles, velocities : tuple of float
-        Lowest and highest angle and velocity of nearly all states, .998 of them.
-    fastest : float
-        Largest |v| of all states.
-    """
+    """How far a block moves before it overturns, over all times of exploratory paths; nondimensional."""
 
     angle: float
     velocity: float
@@ -51,28 +41,12 @@ class StateRange(NamedTuple):
 
     @property
     def edges(self):
-        """Ascending edges in angle and in velocity, a list of two arrays, of the bins that compare solutions.
-
-        20 of the bins span the range of `angles`, or of `velocities`.
-        """
+        """Ascending edges in angle and in velocity, a list of two arrays, of the bins that compare solutions."""
         return [centred_edges(*ends, 20) for ends in (self.angles, self.velocities)]
 
 
 def explore(white, times):
-    """Follow exploratory paths of a scene, the same ones in every call, and return how far they go.
-
-    Parameters
-    ----------
-    white : Scene
-        With white noise.
-    times : ndarray, shape (rows,)
-        Nondimensional times that the density is wanted for, from 0 on; of a scene that repeats they are whole cycles.
-
-    Returns
-    -------
-    StateRange
-        Named tuple of the ranges of angle and velocity.
-    """
+    """Follow exploratory paths of a scene, the same ones in every call, and return how far they go."""
     dynamics, random = Dynamics.of(white), np.random.default_rng(0)
     spread = np.linalg.cholesky(np.array(white.start.covariance or np.zeros((2, 2))) + 1e-300 * np.eye(2))
     states = np.array([white.start.angle, white.start.velocity]) + _normal_pairs(random) @ spread.T
@@ -98,13 +72,7 @@ def explore(white, times):
 
 
 def _exploratory_steps(white, dynamics, times):
-    """Yield (segment, duration, diffusion, axes) of each step of the exploratory paths: forcing, length and noise.
-
-    They are a `Segment`, two floats and an array (2, 2), whose rows are the long and the short principal axis (angle,
-    velocity) of what noise adds in the step, one standard deviation long. `white`: scene with white noise, whose
-    `Dynamics` are given; `times` (rows,): those of the result, which end the steps; of a scene that repeats their
-    number says for how many cycles.
-    """
+    """Yield (segment, duration, diffusion, axes) of each step of the exploratory paths: forcing, length and noise."""
     longest = min(TUNING.exploratory_step, white.forcing.shortest_period / 6.0)
     if white.repeats:
         steps, cycles = math.ceil(white.period / longest - 1e-9), min(len(times) - 1, TUNING.exploratory_cycles)
@@ -117,33 +85,21 @@ def _exploratory_steps(white, dynamics, times):
 
 
 def _exploratory_step(dynamics, start, duration):
-    """Return (segment, duration, diffusion, axes) of the step from `start`: a `Segment`, two floats, an array (2, 2).
-
-    The rows of the axes are the principal ones, long and short, of what the noise adds to angle and velocity, one
-    standard deviation long. `dynamics` are those of the scene; times are nondimensional.
-    """
+    """(segment, duration, diffusion, axes) of the step from `start`: a `Segment`, two floats, an array (2, 2)."""
     diffusion = dynamics.averaged_over(start, duration).diffusion
     axes = np.reshape(principal_axes(*flight_covariance(diffusion, duration)), (2, 2))
     return dynamics.segment(start, duration), duration, diffusion, axes
 
 
 def _normal_pairs(random):
-    """Return normal numbers (paths, 2), drawn from `random`, a NumPy generator, in pairs of either sign.
-
-    So the mirror image of a scene has mirrored paths.
-    """
+    """Return normal numbers (paths, 2), drawn from `random`, a NumPy generator, in pairs of either sign."""
     half = random.standard_normal((TUNING.exploratory_paths // 2, 2))
     return np.concatenate([half, -half])
 
 
 @kernel
 def follow(states, sides, segment, block, noise):
-    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`.
-
-    `states` (paths, 2), written to: angle and velocity, nondimensional; `sides` (paths,), written to: ±1, or an `Exit`
-    (-2, -3) for a path that has overturned and stays where it is; `noise`: a `Noise` with one node for each path.
-    `segment`, a `Segment`, is the forcing over the step, `block` a `KernelBlock`.
-    """
+    """Carry every path, in place, through a step of which one node of the noise is sampled; see `trace_point`."""
     states, segment, noise = borrowed((states, segment, noise))
     scratch, codes = np.empty((4, TERMS)), np.empty(1, np.int32)
     for n in range(len(states)):
@@ -157,21 +113,7 @@ def follow(states, sides, segment, block, noise):
 
 @dataclasses.dataclass(frozen=True)
 class PatchSettings:
-    """Fineness of the moving patches of a start-up.
-
-    Parameters
-    ----------
-    cells : int
-        Cells an axis.
-    reach : float
-        Half-width of a patch in standard deviations: a Gaussian leaves 1e-15 outside 8 of them, 2e-9 outside 6.
-    growth : float
-        A step next to x = 0 over the time in which the noise has gathered.
-    early : float
-        First time on a patch, from rest, over the time t* at which drift takes over from noise.
-    points : int
-        Gauss points an axis of a cell.
-    """
+    """Fineness of the moving patches of a start-up."""
 
     cells: int
     reach: float
@@ -182,21 +124,7 @@ class PatchSettings:
 
 @dataclasses.dataclass(frozen=True)
 class Discretization:
-    """Mesh and steps that a scene is solved with: a `Resolution` that has been adapted to it.
-
-    Parameters
-    ----------
-    angle_lines, velocity_lines : ndarray
-        Mesh lines, nondimensional, symmetric about 0.
-    degree : int
-        Polynomial degree.
-    quadrature : Quadrature
-        Sampling of a step.
-    steps : int
-        Steps a cycle, even.
-    patches : PatchSettings
-        Fineness of the moving patches of the start-up.
-    """
+    """Mesh and steps that a scene is solved with: a `Resolution` that has been adapted to it."""
 
     angle_lines: np.ndarray
     velocity_lines: np.ndarray
@@ -231,19 +159,7 @@ class Discretization:
 
 @dataclasses.dataclass(frozen=True)
 class Resolution:
-    """Fineness of a solution, for the diffusion, the motion and the cycle of the main scene.
-
-    Parameters
-    ----------
-    angle_cells, velocity_cells, degree : int
-        Mesh and polynomial degree.
-    quadrature : Quadrature
-        Sampling of a step.
-    steps : int
-        Steps a cycle, even.
-    patches : PatchSettings
-        Fineness of the moving patches of the start-up.
-    """
+    """Fineness of a solution, for the diffusion, the motion and the cycle of the main scene."""
 
     angle_cells: int
     velocity_cells: int
@@ -253,26 +169,7 @@ class Resolution:
     patches: PatchSettings
 
     def adapted(self, scene, bound, motion, beyond=0.0, growth=TUNING.tail_growth):
-        """Adapt the resolution to a scene.
-
-        Parameters
-        ----------
-        scene : Scene
-            With white noise.
-        bound : float
-            Velocity bound of the mesh, nondimensional.
-        motion : StateRange
-            Where the mesh has to be fine.
-        beyond : float
-            Velocity to which cells that grow continue the mesh, where it is above the bound.
-        growth : float
-            Ratio of the sizes of neighbouring cells from the motion to the bounds.
-
-        Returns
-        -------
-        Discretization
-            Mesh lines, degree, quadrature, steps and patches for the scene.
-        """
+        """Adapt the resolution to a scene."""
         cutoff, far = scene.overturning.angle, max(motion.angle, TUNING.rest_angle)
         fast = min(max(motion.velocity, TUNING.rest_velocity), bound)
         # Where the block comes to rest x goes with v²: the lines of the angle are graded like that.
@@ -349,11 +246,7 @@ INTERMEDIATE = Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(2
 
 
 def resolutions_for(tol, before, filtered=False):
-    """Return a list of `Resolution` for a tolerance of survival, from coarse to fine.
-
-    They are `before` ones (an int), or as many as there are, the one that usually suffices for `tol`, and all finer.
-    Under `filtered` noise they have the numbers that they have in `RESOLUTIONS`.
-    """
+    """Return a list of `Resolution` for a tolerance of survival, from coarse to fine."""
     usual, chosen = USUAL[max(tolerance for tolerance in USUAL if tolerance <= tol)], list(RESOLUTIONS)
     if before and usual == 4:
         chosen[3] = INTERMEDIATE

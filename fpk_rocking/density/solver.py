@@ -115,11 +115,9 @@ def solve_fpk(
     announce(solved, meshes[:SOLUTIONS], times, tol)
 
     def solve(mesh, coarser):
-        """Return the `Level` of a solution on `mesh`, a discretization, after the `coarser` one, a `Level` or None."""
         return _solve_level(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
 
     def fits(level, mesh):
-        """Whether a discretization finer than that of a `Level` takes little enough memory; it is then announced."""
         before = level.solution[0].discretization
         needed = level.memory * mesh.memory / before.memory + mesh.stored(advances)
         if needed > (TUNING.finer_filtered if filtered else TUNING.finer_white):
@@ -128,7 +126,6 @@ def solve_fpk(
         return True
 
     def is_done(refined):
-        """Whether a `Refined` is within the tolerances, or finer solutions will not be: a bool."""
         return refined.within(tol, bins_tol) or _is_stagnated(refined)
 
     refined = refine(meshes, solve, fits, is_done, coarser)
@@ -172,26 +169,7 @@ def solve_fpk(
 def predicted_seconds(
     scene: Scene, *, tol: float, cycles: int | None = None, times: ArrayLike | None = None
 ) -> list[float]:
-    """Predict the seconds of one processor that each solution of `solve_fpk` takes, to about a factor of two.
-
-    Parameters
-    ----------
-    scene : Scene
-        With white noise.
-    tol, cycles, times
-        As for `solve_fpk`.
-
-    Returns
-    -------
-    list of float
-        Seconds of the first two, and of the third where these agree: a coarser one, if there is any. Finer ones are
-        not among them.
-
-    Raises
-    ------
-    ValueError
-        The solver cannot take the scene.
-    """
+    """Predict the seconds of one processor that each solution of `solve_fpk` takes, to about a factor of two."""
     refuse_unsolvable(scene)
     rows = result_times(scene, cycles, times)
     meshes = _discretizations(scene, scene, explore(scene, rows), resolutions_for(tol, before=SOLUTIONS))
@@ -201,11 +179,7 @@ def predicted_seconds(
 
 
 def _tolerances(scene, tol, bins_tol):
-    """Return (tol, bins_tol, judged_by): errors of survival and of bins (L1) to refine for, and of bins to judge by.
-
-    `tol` and `bins_tol` are the user's, None for the default. By default what does not repeat is refined for survival
-    alone (bins_tol is inf), and judged by the bins all the same.
-    """
+    """Return (tol, bins_tol, judged_by): errors of survival and of bins (L1) to refine for, and of bins to judge by."""
     tol = checks.number("tol", (1e-3 if scene.repeats else 1e-2) if tol is None else tol, at_least=min(USUAL))
     if bins_tol is None:
         judged_by = bins_tolerance(tol)
@@ -215,10 +189,7 @@ def _tolerances(scene, tol, bins_tol):
 
 
 def _with_noise_replaced(scene, noise_replacement):
-    """Return the scene to solve, with white or filtered noise: band noise is replaced, other scenes refused.
-
-    `noise_replacement`: "white" or "filtered". Raises TypeError or ValueError.
-    """
+    """Return the scene to solve, with white or filtered noise: band noise is replaced, other scenes refused."""
     accepted = "'white' or 'filtered'"
     if not isinstance(noise_replacement, str):
         raise TypeError(checks.refusal("noise_replacement", noise_replacement, accepted))
@@ -242,11 +213,7 @@ def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagato
 
 
 def _discretizations(scene, white, motion, resolutions):
-    """Return mesh and steps for each of some `resolutions`, a list of `Resolution`: a list of as many.
-
-    They are a `Discretization` each, under filtered noise a `FilteredDiscretization`. `white` is the scene with
-    equivalent white noise, `motion` the `StateRange` of its blocks.
-    """
+    """Return mesh and steps for each of some `resolutions`, a list of `Resolution`: a list of as many."""
     diffusion = white.noise.diffusion
     if scene.noise.kind == "filtered":
         # Noise of high frequencies moves a flight further than white noise of equal Melnikov variance.
@@ -259,29 +226,7 @@ def _discretizations(scene, white, motion, resolutions):
 
 
 def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
-    """Solve at one resolution; of the coarser level, drop all that error estimates do not need.
-
-    Parameters
-    ----------
-    scene : Scene
-        With white or filtered noise.
-    discretization : Discretization or FilteredDiscretization
-    tol : float
-        Wanted error of survival.
-    times : ndarray, shape (rows,)
-        Of the result, nondimensional.
-    edges : sequence of ndarray
-        Of the bins in angle and in velocity in which levels are compared.
-    coarser : Level or None
-        The level before.
-    progress : callable
-        Called without argument after each time but the first.
-
-    Returns
-    -------
-    Level
-        Its solution is a pair: propagator and `Solution`.
-    """
+    """Solve at one resolution; of the coarser level, drop all that error estimates do not need."""
     begin, coarse = time.perf_counter(), None
     if coarser:
         coarse, densities = coarser.solution
@@ -293,11 +238,7 @@ def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
 
 
 def _level_of(propagator, solution, edges, seconds=0.0):
-    """Return the `Level` of a `Solution`: survival and both sides, and binned densities in which rest is one bin.
-
-    Its solution is the pair (propagator, solution). `edges` are a pair of arrays, of the bins in angle and velocity;
-    `seconds` is what the solution took. `propagator` is the `Propagator` that the solution is from.
-    """
+    """Return the `Level` of a `Solution`: survival and both sides, and binned densities in which rest is one bin."""
     space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
     bins = space.bin_integrals(densities, *edges)
     if at_rest is not None:
@@ -314,10 +255,6 @@ def _level_of(propagator, solution, edges, seconds=0.0):
     negative_probability = -float(probabilities.min())
 
     def error(difference, bins_difference):
-        """Return the error of survival, a float, from its estimate `difference` and that of the bins (L1).
-
-        It is larger for rest, and at least what is truncated, and what a probability is below 0.
-        """
         scale = TUNING.rest_error_factor if rested > difference else 1.0
         return max(scale * difference, TUNING.bins_part * bins_difference, truncated, negative_probability)
 
@@ -334,13 +271,7 @@ def _level_of(propagator, solution, edges, seconds=0.0):
 
 
 def _rest_error(levels):
-    """Return the estimated error of the probability of being at rest, a float; 0.0 where nothing can rest.
-
-    `levels` are three or more `Level`, from coarse to fine. The error is that of the time steps plus `node_error`, what
-    nodes of the noise leave unseen. The error of the time steps falls by 1.4 from one resolution to the next: where
-    noise is smooth it is of first order in the step, and each resolution has 1.4 times the steps of the one before;
-    else it is of order 1/2, and the last steps of a level are half as long as before.
-    """
+    """Return the estimated error of the probability of being at rest, a float; 0.0 where nothing can rest."""
     propagator, solution = levels[-1].solution
     if solution.at_rest is None:
         return 0.0
@@ -351,11 +282,7 @@ def _rest_error(levels):
 
 
 def _is_stagnated(refined):
-    """Whether the density of a `Refined` will not be resolved by the finer solutions that are left: a bool.
-
-    They are taken to gain twice as many digits of negative mass as the last. The first three solutions, of which each
-    has hardly more cells than the one before, do not decide it.
-    """
+    """Whether the density of a `Refined` will not be resolved by the finer solutions that are left: a bool."""
     if len(refined.levels) <= SOLUTIONS:
         return False
     now, before = refined.fine.negative_mass, refined.coarse.negative_mass

@@ -18,42 +18,13 @@ from fpk_rocking.physics.motion.equation import block_of_scene, largest_correcti
 
 
 def graded_lines(half_width, cells, exponent):
-    """Symmetric mesh lines on [-half_width, half_width] at half_width (j/n)^exponent, with 0 among them.
-
-    Parameters
-    ----------
-    half_width : float
-        Half of the interval, nondimensional.
-    cells : int
-        Number of cells, even.
-    exponent : float
-        1 is uniform; larger values make cells smaller towards 0.
-
-    Returns
-    -------
-    ndarray, shape (cells + 1,)
-    """
+    """Symmetric mesh lines on [-half_width, half_width] at half_width (j/n)^exponent, with 0 among them."""
     half = half_width * (np.arange(cells // 2 + 1) / (cells // 2)) ** exponent
     return np.concatenate([-half[:0:-1], half])
 
 
 def extended_lines(lines, half_width, growth=TUNING.cell_growth):
-    """Symmetric mesh lines continued to a wider interval by cells that grow, each by the factor `growth` or so.
-
-    Parameters
-    ----------
-    lines : ndarray
-        Ascending, symmetric about 0.
-    half_width : float
-        At least this far; nondimensional.
-    growth : float
-        Ratio of the sizes of neighbouring cells, above 1.
-
-    Returns
-    -------
-    ndarray
-        Ascending, from -half_width to half_width; `lines` itself where they go as far.
-    """
+    """Symmetric mesh lines continued to a wider interval by cells that grow, each by the factor `growth` or so."""
     gap, size = half_width - lines[-1], lines[-1] - lines[-2]
     if gap <= 0.0:
         return lines
@@ -65,10 +36,7 @@ def extended_lines(lines, half_width, growth=TUNING.cell_growth):
 
 
 def patch_lines(low, high, cells):
-    """Return mesh lines (n + 1,) of about `cells` equal cells that cover [low, high], nondimensional.
-
-    0 is a mesh line where it lies inside or nearly so.
-    """
+    """Return mesh lines (n + 1,) of about `cells` equal cells that cover [low, high], nondimensional."""
     size = (high - low) / cells
     if low > size or high < -size:
         return np.linspace(low, high, cells + 1)
@@ -77,34 +45,21 @@ def patch_lines(low, high, cells):
 
 
 def exact_correction(scene):
-    """Return a bound, a float, of what the acceleration of a scene's block has beyond x - s m + f; 0 if slender.
-
-    m is the saddle, the |x| of unstable balance; the bound is nondimensional.
-    """
+    """Return a bound, a float, of what the acceleration of a scene's block has beyond x - s m + f; 0 if slender."""
     block = block_of_scene(scene)
     sides = zip(block.saddles, block.scales, strict=True)
     return max(largest_correction(scene.forcing.largest, block.critical_angle, *side) for side in sides)
 
 
 def escape_speed(scene, diffusion):
-    """Return the speed outward, nondimensional, above which a block of a scene surely overturns.
-
-    It is sure but for `TUNING.deviations` standard deviations of the noise; `diffusion` is its D, nondimensional.
-    """
+    """Return the speed outward, nondimensional, above which a block of a scene surely overturns."""
     noise = TUNING.deviations * math.sqrt(diffusion)
     farthest = max(*block_of_scene(scene).saddles, scene.overturning.angle - 1.0)
     return farthest + scene.forcing.swing + exact_correction(scene) + noise
 
 
 def velocity_bound(scene, diffusion):
-    """Bound of |v| for the mesh of a scene, one number, nondimensional: the largest of those outward and inward.
-
-    Only blocks that are bound to overturn are faster, but for `TUNING.deviations` standard deviations of the noise.
-    `diffusion` is the D that counts, nondimensional, of this scene or of what replaces its noise. Outward the bound
-    lies beyond the moving separatrix, and beyond the speed of a slow escape at a far cut-off; inward it is what a block
-    from rest can gain, plus what the start has in excess of that (derived in docs/theory). What an exact block has
-    beyond a slender one moves the separatrix by no more than the bound of it, as it grows like e^τ.
-    """
+    """Bound of |v| for the mesh of a scene, one number, nondimensional: the largest of those outward and inward."""
     forcing, start, exact = scene.forcing, scene.start, exact_correction(scene)
     bound = escape_speed(scene, diffusion)
     (xx, xv), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
@@ -118,23 +73,11 @@ def velocity_bound(scene, diffusion):
 
 
 class CellSearch(NamedTuple):
-    """Tables that find the cell of a point in mesh lines, see `step.targets.locate_point`.
+    """Tables that find the cell of a point in mesh lines, see `step.targets.locate_point`."""
 
-    Parameters
-    ----------
-    lines : ndarray, shape (cells + 1,)
-        Mesh lines, ascending.
-    scales : ndarray, shape (cells,)
-        2 over the cell sizes.
-    table : ndarray of int, shape (entries,)
-        Cells of equidistant points, as near to each other as the smallest cell is wide.
-    density : float
-        Entries in a unit of length.
-    """
-
-    lines: np.ndarray
-    scales: np.ndarray
-    table: np.ndarray
+    lines: np.ndarray  # (cells + 1,)
+    scales: np.ndarray  # (cells,)
+    table: np.ndarray  # (entries,)
     density: float
 
     @classmethod
@@ -203,24 +146,14 @@ class Space:
         return tuple(map(CellSearch.of, self.lines))
 
     def basis(self, order=None):
-        """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector.
-
-        Parameters
-        ----------
-        order : int, optional
-            Degree that its quadrature integrates; by default that of products of two functions of the space.
-        """
+        """Return the scikit-fem basis, on whose unknowns ``coefficients.ravel()`` is a vector."""
         from skfem import Basis, MeshQuad
 
         mesh = MeshQuad.init_tensor(self.angle_lines, self.velocity_lines)
         return Basis(mesh, legendre_element(self.degree), intorder=2 * self.degree if order is None else order)
 
     def project(self, density, points):
-        """Return the coefficients (angle cells, velocity cells, degree + 1, degree + 1) of a function's L2 projection.
-
-        `density` takes arrays of angles and velocities, which are broadcast against each other, and returns values;
-        `points` is the number of Gauss points an axis.
-        """
+        """Coefficients (angle cells, velocity cells, degree + 1, degree + 1) of a function's L2 projection."""
         nodes, weights = gauss_legendre(points)
         table = legendre_basis(nodes, self.degree) * weights[:, None]
         angle = self.angle_lines[:-1, None] + np.diff(self.angle_lines)[:, None] * nodes
@@ -229,11 +162,7 @@ class Space:
         return np.ascontiguousarray(np.einsum("xvij,ia,jb->xvab", values, table, table, optimize=True))
 
     def transfer(self, coefficients, source):
-        """Return coefficients, of this space's shape, of a density in another one, by exact L2 projection.
-
-        `coefficients` have the shape of that `Space`, `source`. Both meshes have the same extents, so that mass is
-        conserved.
-        """
+        """Return coefficients, of this space's shape, of a density in another one, by exact L2 projection."""
         angle = _overlap_integrals(self.angle_lines, self.degree, source.angle_lines, source.degree)
         velocity = _overlap_integrals(self.velocity_lines, self.degree, source.velocity_lines, source.degree)
         return np.einsum("xayb,ybwd,vcwd->xvac", angle, coefficients.transpose(0, 2, 1, 3), velocity, optimize=True)
@@ -243,11 +172,7 @@ class Space:
         return coefficients[:, :, 0, 0] * self.areas
 
     def evaluate(self, coefficients, angle, velocity):
-        """Return the density at points `angle`, `velocity`, an array of their broadcast shape; 0 outside the mesh.
-
-        On a mesh line it is that of the cell above. `coefficients` (angle cells, velocity cells, degree + 1, degree +
-        1) are those of the density.
-        """
+        """Return the density at points `angle`, `velocity`, an array of their broadcast shape; 0 outside the mesh."""
         angle, velocity = np.broadcast_arrays(np.asarray(angle, dtype=float), np.asarray(velocity, dtype=float))
         (i, xi), (j, eta) = locate(self.angle_lines, angle), locate(self.velocity_lines, velocity)
         along, across = legendre_basis(xi, self.degree), legendre_basis(eta, self.degree)
@@ -258,27 +183,18 @@ class Space:
         )
 
     def cell_values(self, coefficients, angle_points, velocity_points):
-        """Density on a lattice of reference points in every cell: (angle cells, velocity cells, n, m).
-
-        The points are in angle (n,) and in velocity (m,), 0 to 1 in a cell; `coefficients` have the space's shape.
-        """
+        """Density on a lattice of reference points in every cell: (angle cells, velocity cells, n, m)."""
         along, across = legendre_basis(angle_points, self.degree), legendre_basis(velocity_points, self.degree)
         return along @ coefficients @ across.T
 
     def bin_integrals(self, coefficients, angle_edges, velocity_edges):
-        """Return exact integrals of densities over the rectangles between edges, (..., angle bins, velocity bins).
-
-        The edges are ascending. `coefficients` (..., the space's shape) are those of one or many densities.
-        """
+        """Return exact integrals of densities over the rectangles between edges, (..., angle bins, velocity bins)."""
         left = _interval_integrals(self.angle_lines, angle_edges, self.degree)
         right = _interval_integrals(self.velocity_lines, velocity_edges, self.degree)
         return np.einsum("mxa,...xvab,nvb->...mn", left, coefficients, right, optimize=True)
 
     def negative_mass(self, coefficients, points=8):
-        """Return the integral of max(-p, 0), a float, by quadrature with `points` Gauss points an axis in every cell.
-
-        `coefficients` of p have the space's shape, (angle cells, velocity cells, degree + 1, degree + 1).
-        """
+        """Return the integral of max(-p, 0) by quadrature with `points` Gauss points an axis in every cell."""
         nodes, weights = gauss_legendre(points)
         values = np.maximum(-self.cell_values(coefficients, nodes, nodes), 0.0)
         return float(np.einsum("xvij,xv,i,j->", values, self.areas, weights, weights, optimize=True))
@@ -289,20 +205,13 @@ class Space:
 
 
 def reflected(coefficients):
-    """Return the coefficients of densities reflected by (x, v) -> (-x, -v), by those before.
-
-    Both are (..., angle cells, velocity cells, degree + 1, degree + 1). Their mesh is symmetric about 0.
-    """
+    """Return the coefficients of densities reflected by (x, v) -> (-x, -v), by those before."""
     signs = (-1.0) ** np.arange(coefficients.shape[-1])
     return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
 
 
 def _overlap_integrals(lines, degree, source_lines, source_degree):
-    """Return integrals of products of two sets of shape functions, (cells, modes, source cells, source modes).
-
-    Each set is given by mesh lines and a degree, `modes` being degree + 1; the integrals are divided by the size of the
-    cell of the first.
-    """
+    """Return integrals of products of two sets of shape functions, (cells, modes, source cells, source modes)."""
     nodes, weights = gauss_legendre((degree + source_degree) // 2 + 1)
     breaks = np.union1d(lines, source_lines)
     low, sizes = breaks[:-1], np.diff(breaks)
@@ -319,10 +228,7 @@ def _overlap_integrals(lines, degree, source_lines, source_degree):
 
 
 def _interval_integrals(lines, edges, degree):
-    """Return integrals of all cells' shape functions over the intervals between edges, (intervals, cells, degree + 1).
-
-    `lines` (cells + 1,) are the mesh lines, `edges` (intervals + 1,) ascending.
-    """
+    """Integrals of all cells' shape functions over the intervals between edges, (intervals, cells, degree + 1)."""
     edges = np.asarray(edges, dtype=float)
     sizes = np.diff(lines)
     nodes, weights = gauss_legendre(degree // 2 + 1)
@@ -334,10 +240,7 @@ def _interval_integrals(lines, edges, degree):
 
 @functools.cache
 def legendre_element(degree):
-    """Return a scikit-fem element, an `ElementH1`, of products of orthonormal Legendre polynomials up to a `degree`.
-
-    It has no continuity: all unknowns are inside a cell, and the mass matrix is the Jacobian.
-    """
+    """Return a scikit-fem element, an `ElementH1`, of products of orthonormal Legendre polynomials up to a `degree`."""
     from skfem.element import ElementH1
     from skfem.refdom import RefQuad
 
@@ -353,10 +256,6 @@ def legendre_element(degree):
         doflocs = np.full(((degree + 1) ** 2, 2), 0.5)
 
         def lbasis(self, X, i):
-            """Return (value, gradient), shapes (...) and (2, ...), of shape function i at reference points X (2, ...).
-
-            On a tensor mesh the first reference axis is the velocity.
-            """
             a, b = divmod(i, degree + 1)
             velocity, angle = shapes[b], shapes[a]
             values = velocity(X[0]), angle(X[1])

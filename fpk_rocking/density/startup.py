@@ -22,11 +22,7 @@ from fpk_rocking.density.tuning import TUNING
 
 
 class PatchDensity(NamedTuple):
-    """A density on a patch, a small mesh that moves with it: time, patch, coefficients, outflow on the way.
-
-    `coefficients` have the shape ``patch.shape``, `outflow` (3,) is the mass past the cut-off left and right and
-    truncated; the time is nondimensional.
-    """
+    """A density on a patch, a small mesh that moves with it: time, patch, coefficients, outflow on the way."""
 
     time: float
     patch: Space
@@ -35,27 +31,7 @@ class PatchDensity(NamedTuple):
 
 
 class StartUp:
-    """The density of a start on moving patches, computed as far as is asked; all meshes that take it over share it.
-
-    Times are nondimensional and count from the start.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-    start : Start
-        Of the scene.
-    settings : PatchSettings
-        Fineness of the patches.
-    period : float
-        Of the forcing: nothing is carried further, but for `waiting`.
-    waiting : float, optional
-        Time after which the forcing lifts a block off that is at rest, where that is known.
-
-    Attributes
-    ----------
-    longest : float
-        Longest time that the start is carried for.
-    """
+    """The density of a start on moving patches, computed as far as is asked; all meshes that take it over share it."""
 
     def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=None):
         self.dynamics, self.settings, self._cycle = dynamics, settings, period
@@ -78,10 +54,7 @@ class StartUp:
         return still and self.dynamics.rest_gap(0.0) >= 0.0
 
     def flight(self, time):
-        """Return the `Gaussian` of angle and velocity at a `time` τ, nondimensional, if there was no event before.
-
-        At a `time` up to 0 it is that of the start itself.
-        """
+        """Return the `Gaussian` of angle and velocity at a `time` τ, nondimensional, if there was no event before."""
         if time <= 0.0:
             return self._initial
         return self._flight(time) if self._exact else self._initial.after_flight(self.dynamics, 0.0, time, self._side)
@@ -106,10 +79,7 @@ class StartUp:
         return min(size / cell_size(lines, at) for size, lines, at in zip(sizes, space.lines, mean, strict=True))
 
     def rattles_unresolved(self, time):
-        """Whether, at a `time`, a block at rest is still to be lifted off by a forcing within its period: a bool.
-
-        Until then it rattles in a layer that is far thinner than the spread of a flight, by which a mesh is judged.
-        """
+        """Whether, at a `time`, a block at rest is still to be lifted off by a forcing within its period: a bool."""
         return self._lifted_later and self.dynamics.since_lift_off(time)[0] > time
 
     @property
@@ -120,10 +90,7 @@ class StartUp:
         return self.dynamics.forcing.largest > self.dynamics.lift_off
 
     def mass_within(self, time, angle, velocity):
-        """Return the mass, a float, within |x| < `angle` and |v| < `velocity` at a `time`; nondimensional.
-
-        It is that of the last density that is carried before.
-        """
+        """Return the mass, a float, within |x| < `angle` and |v| < `velocity` at a `time`; nondimensional."""
         now = self._before(time)
         return float(now.patch.bin_integrals(now.coefficients[None], [-angle, angle], [-velocity, velocity]).sum())
 
@@ -133,11 +100,7 @@ class StartUp:
         return reach < self._side * gaussian.mean[0] < self.dynamics.block.cutoff - reach
 
     def project(self, end, target: Space):
-        """Return (coefficients, outflow): the density at a time `end` on a mesh, and the mass lost since the start.
-
-        The coefficients have the shape ``target.shape``, (angle cells, velocity cells, degree + 1, degree + 1),
-        `target` being the `Space`; the outflow (3,) is the mass past the cut-off left and right and truncated.
-        """
+        """Return (coefficients, outflow): the density at a time `end` on a mesh, and the mass lost since the start."""
         now = self._before(end)
         duration = end - now.time
         quiet = self._free_time(now, duration) >= duration
@@ -154,10 +117,7 @@ class StartUp:
         return next(now for now in reversed(self._carried) if now.time < end)
 
     def _further(self, now):
-        """Return the `PatchDensity` after one step from `now`, another.
-
-        The step's duration depends on the spread and on the next event.
-        """
+        """Return the `PatchDensity` after one step from `now`, another."""
         longest = self.dynamics.forcing.shortest_period / TUNING.patch_steps_per_harmonic
         duration = min(self.settings.growth * (now.time + self._noise_time), longest)
         if self._rattles(now, duration):
@@ -178,11 +138,7 @@ class StartUp:
         return PatchDensity(now.time + duration, target, coefficients, now.outflow + outflow)
 
     def _characteristics(self, now, duration, quiet):
-        """Return the `Characteristics`, the paths, of one step from the cells of a patch with mass in them.
-
-        `now` is the `PatchDensity` at its begin, and `quiet`, a bool, tells that no path meets an event within its
-        `duration`.
-        """
+        """Return the `Characteristics`, the paths, of one step from the cells of a patch with mass in them."""
         # A block that the forcing cannot lift off rattles: many short steps follow, of one Gauss point more.
         rattles = self.dynamics.rest_gap(now.time) >= 0.0
         points, noise = self.settings.points + rattles, TUNING.free_patch_nodes if quiet else TUNING.patch_nodes
@@ -215,10 +171,7 @@ class StartUp:
         return quiet
 
     def _bent(self, gaussian, time):
-        """Whether a `Gaussian` is so wide that the curvature of an exact block's acceleration matters to its mean.
-
-        `time` is the duration of the flight so far.
-        """
+        """Whether a `Gaussian` is so wide that the curvature of an exact block's acceleration matters to its mean."""
         if not self._exact:
             return False
         alpha, force = self.dynamics.block.critical_angle, self.dynamics.forcing.largest
@@ -227,12 +180,7 @@ class StartUp:
         return shift > TUNING.bent_gaussian * self.settings.growth
 
     def _longest_step_near_rest(self, now):
-        """Return the longest duration of a step from `now`, a `PatchDensity`, for a block near rest.
-
-        Such a block rattles at x = 0 or is lifted off. It is nondimensional, and inf where |f| has been above 1 since
-        before the start. Noise lifts a block off within D / gap^2 under |f| = 1 - gap and within t = (D / f'^2)^(1/3)
-        of |f| = 1, the level of lift-off. Steps are a part of that; from |f| = 1 on they also grow with the time since.
-        """
+        """Return the longest duration of a step from `now`, a `PatchDensity`, for a block near rest."""
         time, growth = now.time, self.settings.growth
         dynamics = self.dynamics.averaged_over(time, 1e-6 * self._cycle)
         gap, change = dynamics.rest_gap(time), abs(dynamics.forcing.slope(time + dynamics.origin))
@@ -263,15 +211,10 @@ class StartUp:
         return np.abs(now.patch.masses(now.coefficients))[np.ix_(angle, velocity)].sum() > TUNING.missing_mass
 
     def _free_time(self, now, longest):
-        """Return the longest halving of a duration within which no path of a density meets an event.
-
-        It is 0.0 where that is less than a 64th. `now` is the `PatchDensity`, `longest` the duration that is halved,
-        nondimensional.
-        """
+        """Return the longest halving of a duration within which no path of a density meets an event."""
         dynamics, patch, masses = self.dynamics, now.patch, np.abs(now.patch.masses(now.coefficients))
 
         def is_free(duration):
-            """Whether no path meets an event within a `duration`."""
             reach = self.settings.reach * math.sqrt(dynamics.covariance(now.time, duration)[0])
             reach *= dynamics.largest_factor
             segment = dynamics.segment(now.time, duration)
@@ -284,13 +227,7 @@ class StartUp:
 
 
 def takeover_step(startup: StartUp, space: Space, edges, settled=None):
-    """Return the index, 1 or more, of those step `edges` (n,), times since the start, where a mesh takes over.
-
-    It is the first at which the mesh, a `Space`, resolves an undisturbed Gaussian of the `StartUp`, or the last before
-    an event if that Gaussian is barely resolved there: the patches would have to follow it through the event. Or it is
-    the first at whose time `settled`, a function of time that returns a bool, is true. None is before a block at rest
-    is lifted off, see `StartUp.rattles_unresolved`.
-    """
+    """Return the index, 1 or more, of those step `edges` (n,), times since the start, where a mesh takes over."""
     before, last = None, len(edges) - 1
     for step in range(1, last):
         if startup.rattles_unresolved(edges[step]):
@@ -306,10 +243,7 @@ def takeover_step(startup: StartUp, space: Space, edges, settled=None):
 
 
 def _drift_time(dynamics: Dynamics):
-    """Return the time at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner.
-
-    D and the force f, at τ = 0, are those of the `Dynamics`; nondimensional, at most 1.
-    """
+    """Time at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
     dynamics = dynamics.averaged_over(0.0, 1e-9)
     drift = abs(dynamics.rest_gap(0.0))
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
@@ -317,8 +251,5 @@ def _drift_time(dynamics: Dynamics):
 
 
 def _crossing_time(dynamics: Dynamics, change):
-    """Return the time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3).
-
-    It is inf for a rate of 0. The rate is `change`, nondimensional as the time is; D is that of the `Dynamics`.
-    """
+    """Return the time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
     return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf

@@ -37,17 +37,7 @@ from fpk_rocking.scene.scene import Scene
 
 
 class Sticking:
-    """Times at which a block at rest may be taken as sticking there.
-
-    Parameters
-    ----------
-    dynamics : Dynamics
-        With white noise.
-    end : float
-        Last time that matters.
-    forgetting : float
-        The least M: the layer may remember the part exp(-M) of a block's state.
-    """
+    """Times at which a block at rest may be taken as sticking there."""
 
     def __init__(self, dynamics: Dynamics, end, forgetting):
         self._edges = np.linspace(0.0, end, max(math.ceil(end / TUNING.sticking_interval), 2) + 1)
@@ -83,12 +73,7 @@ class Sticking:
         return _least(np.reshape(speeds, (2, -1)).min(axis=0))
 
     def _steady(self, forces, pull, loss):
-        """Return speeds (n,) up to which hops die out under a changing force, inf where it does not change.
-
-        `forces` are at the edges of the n intervals, as they change the pull; `pull` (n,) is the least pull in each and
-        `loss` is 1 - e, its mean. Two hops in turn, of the speed w under the pull g, lose 2 (1 - e) w, and gain up to 4
-        |f''| w³/(3 g³).
-        """
+        """Return speeds (n,) up to which hops die out under a changing force, inf where it does not change."""
         bend = np.pad(np.abs(np.diff(forces, 2)) / self._edges[1] ** 2, 1, mode="edge")
         speeds = np.full(len(pull), math.inf)
         gain = np.maximum(bend[1:], bend[:-1])
@@ -96,10 +81,7 @@ class Sticking:
         return np.sqrt(speeds)
 
     def _until_lift_off(self, rate):
-        """Return the integral (n,) of a `rate` (n,), per time in each interval, from its end to the next lift-off.
-
-        It is inf where there is none.
-        """
+        """Return the integral (n,) of a `rate` (n,), per time in each interval, from its end to the next lift-off."""
         integral, total = np.empty(len(rate)), math.inf
         for k in range(len(rate) - 1, -1, -1):
             total = 0.0 if self._lifting[k] else total
@@ -108,10 +90,7 @@ class Sticking:
         return integral
 
     def _fastest_to_stop(self, rate, steady):
-        """Return the largest speed (n,) at each interval's begin that falls to 0 at a `rate` (n,) before a lift-off.
-
-        On its way it stays within the speed up to which hops die out, `steady` (n,).
-        """
+        """Return the largest speed (n,) at each interval's begin that falls to 0 at a `rate` (n,) before a lift-off."""
         fastest, speed = np.empty(len(rate)), math.inf
         for k in range(len(rate) - 1, -1, -1):
             later = speed + rate[k] * (self._edges[k + 1] - self._edges[k])
@@ -138,12 +117,7 @@ class Sticking:
         return float(later[0]) if later.size else time
 
     def stopping_cells(self, time: float, space: Space) -> Array:
-        """Return a mask (angle cells, velocity cells): from there a block comes to rest before the next lift-off.
-
-        Noise does not count. It does so from `time` on; the cells are those of a `Space`. Under a constant force a
-        block of the speed v does so within 2v / ((1 - e) h), the sum of its hops to both sides. A force that changes
-        within a hop can keep it hopping for ever, though it does not lift it off (`_steady`).
-        """
+        """Return a mask (angle cells, velocity cells): from there a block comes to rest before the next lift-off."""
         angles, velocities = (0.5 * (lines[1:] + lines[:-1]) for lines in space.lines)
         gravity = np.where(angles > 0.0, self._laws[1].gravity, self._laws[-1].gravity)
         speeds = np.sqrt((2.0 * gravity * np.abs(angles))[:, None] + velocities**2)
@@ -163,29 +137,14 @@ def cells_at_origin(space: Space) -> Array:
 
 
 def density_at_rest(space: Space) -> Array:
-    """Return coefficients (``space.shape``) of a density of mass 1 that is even over the cells at the origin.
-
-    It stands for a block at rest.
-    """
+    """Return coefficients (``space.shape``) of a density of mass 1 that is even over the cells at the origin."""
     cells, coefficients = cells_at_origin(space), np.zeros(space.shape)
     coefficients[cells, 0, 0] = 1.0 / (cells.sum() * space.areas[cells])
     return coefficients
 
 
 class ReInjection(NamedTuple):
-    """A mass that was at rest, or at the start of the scene, on its way to the mesh.
-
-    Parameters
-    ----------
-    startup : StartUp
-        Its times count from `origin`.
-    origin, takeover : float
-        Time at which it begins, and that at which the mesh takes over.
-    mass : float
-        Its probability.
-    resolved : bool
-        Whether the mesh resolves it when it takes over.
-    """
+    """A mass that was at rest, or at the start of the scene, on its way to the mesh."""
 
     startup: StartUp
     origin: float
@@ -203,33 +162,11 @@ class ReInjection(NamedTuple):
 
 @dataclasses.dataclass
 class TransientState:
-    """Parts of the probability between two steps; a step changes them in place.
-
-    Parameters
-    ----------
-    edges : ndarray
-        Times at which the steps to come begin, and the end of the last; the first is now.
-    density : ndarray, shape ``space.shape``
-        Coefficients of what is on the mesh.
-    outflow : ndarray, shape (3,)
-        Masses absorbed at the left and at the right cut-off, and truncated.
-    sticking : float
-        Mass that sticks at rest.
-    injections : list of ReInjection
-        What is on its way to the mesh.
-    reinjected : float
-        Largest mass that had come to rest and was lifted off again.
-    came_to_rest : bool
-        Whether something came to rest on the way: a start at rest is exact.
-    spent : float
-        Sum of the masses that were too small to be treated exactly.
-    narrow_until : float
-        Time until which the density is too narrow for the mesh.
-    """
+    """Parts of the probability between two steps; a step changes them in place."""
 
     edges: Array
     density: Array
-    outflow: Array
+    outflow: Array  # (3,)
     sticking: float = 0.0
     injections: list[ReInjection] = dataclasses.field(default_factory=list)
     reinjected: float = 0.0
@@ -243,20 +180,14 @@ class TransientState:
         return float(self.edges[0])
 
     def spend(self, mass: float, most: float) -> bool:
-        """Return whether a `mass` may be treated as small, a bool: all such masses together are at most `most`.
-
-        If so it is added to `spent`.
-        """
+        """Return whether a `mass` may be treated as small, a bool: all such masses together are at most `most`."""
         small = self.spent + mass <= most
         self.spent += mass if small else 0.0
         return small
 
 
 class TransientPropagator(Propagator):
-    """A scene with white noise that does not repeat, at one resolution; parameters as of `Propagator`.
-
-    It assumes less than the coarser propagator of sticking, and of noise that has faded.
-    """
+    """A scene with white noise that does not repeat, at one resolution; parameters as of `Propagator`."""
 
     def __init__(self, scene, discretization, negligible, coarse=None):
         super().__init__(scene, discretization, discretization, negligible)
@@ -278,10 +209,7 @@ class TransientPropagator(Propagator):
         return 2 * self.buffers.nbytes
 
     def initial_state(self, start: Start, times: Array) -> TransientState:
-        """Return the `TransientState` at τ = 0: a start at rest sticks, any other is on its way to the mesh.
-
-        `times` (rows,) are those of the results, nondimensional.
-        """
+        """Return the `TransientState` at τ = 0: a start at rest sticks, any other is on its way to the mesh."""
         self._sticking = Sticking(self.dynamics, times[-1], self._forgetting)
         edges = step_edges(self.scene, self.duration, times)
         state = TransientState(edges, np.zeros(self.space.shape), np.zeros(3))
@@ -292,11 +220,7 @@ class TransientPropagator(Propagator):
         return state
 
     def advance(self, state: TransientState, latest: float) -> TransientState:
-        """Return the `TransientState`, changed in place, after one step, or after two at once.
-
-        It is not later than `latest`, a time at which a step ends, and has the re-injections that the mesh then
-        resolves.
-        """
+        """Return the `TransientState`, changed in place, after one step, or after two at once."""
         edges, time = state.edges, state.time
         pair = 2 if self._steps_may_be_long and edges[1] < latest else 1
         until = self._sticking.until(time)
@@ -322,10 +246,7 @@ class TransientPropagator(Propagator):
         return state
 
     def snapshot(self, state: TransientState) -> Snapshot:
-        """Return the `Snapshot` of all parts of a `TransientState` together: coefficients of the density, outflow.
-
-        It is resolved where all is on the mesh and noise acts.
-        """
+        """Return the `Snapshot` of all parts of a `TransientState` together: coefficients of the density, outflow."""
         coefficients, outflow = state.density + state.sticking * density_at_rest(self.space), state.outflow
         for injection in state.injections:
             more, left = injection.at(state.time, self.space)
@@ -336,10 +257,7 @@ class TransientPropagator(Propagator):
         return Snapshot(coefficients, outflow, resolved=resolved, reinjected=state.reinjected)
 
     def _stick(self, state, time):
-        """Let those blocks of a `TransientState` stick that come to rest before the next lift-off; return None.
-
-        `time` τ is the state's; its mass moves to `sticking` in place: all of it, where the others' is small (`spend`).
-        """
+        """Let those blocks of a `TransientState` stick that come to rest before the next lift-off; return None."""
         masses, stopping = self.space.masses(state.density), self._sticking.stopping_cells(time, self.space)
         if state.spend(np.abs(masses[~stopping]).sum(), self._small):
             stopping = np.ones_like(stopping)
@@ -348,17 +266,13 @@ class TransientPropagator(Propagator):
         state.density = np.where(stopping[..., None, None], 0.0, state.density)
 
     def _injection(self, origin, mass, start, edges):
-        """Return the `ReInjection` of a `mass`, a probability, which is at the `Start` at a time `origin`.
-
-        The origin is before the second of `edges` (n,), those of the steps to come.
-        """
+        """Return the `ReInjection` of a `mass`, a probability, which is at the `Start` at a time `origin`."""
         dynamics = self.dynamics.later(origin) if origin > 0.0 else self.dynamics
         lift_off = self._sticking.next_lift_off(origin)
         startup = StartUp(dynamics, start, self.discretization.patches, cycle_of(self.scene), lift_off - origin)
         after = np.append(origin, edges[edges > origin * (1.0 + 1e-9)]) - origin
 
         def settled(since):
-            """Whether, at a time `since` the origin, blocks may stick and enough of the mass is at rest: a bool."""
             time = origin + since
             sticks = time > lift_off and self._sticking.until(time) > time
             near = startup.mass_within(since, TUNING.rest_angle, TUNING.rest_velocity) if sticks else 0.0
@@ -375,10 +289,7 @@ class TransientPropagator(Propagator):
         return 2.0 * TUNING.steps_per_harmonic * self.duration <= self.dynamics.forcing.shortest_period
 
     def _step(self, begin, end, density):
-        """Return a `Step` from time `begin` to `end`, for the cells in which a density has more than a negligible mass.
-
-        `density` are its coefficients (``space.shape``).
-        """
+        """Return a `Step` from time `begin` to `end` for the active cells."""
         active = np.zeros(self.space.shape[:2], dtype=bool)
         # What is not active is truncated anew in every step, so less counts as negligible than in a cycle's own steps.
         mark_massive_cells(density, self.space.areas, 0.1 * self.negligible, active, active)
@@ -389,10 +300,7 @@ class TransientPropagator(Propagator):
 
 
 def step_edges(scene: Scene, duration: float, times: Array) -> Array:
-    """Return the edges (n,), from 0 on, of steps of about a `duration`, to the last of the `times` (rows,).
-
-    All times and the end of the forcing are among them; each takes the place of an edge within .3 of a step.
-    """
+    """Return the edges (n,), from 0 on, of steps of about a `duration`, to the last of the `times` (rows,)."""
     fixed = np.unique([time for time in (*times[1:], scene.forcing.duration) if time <= times[-1]])
     fixed = fixed[np.append(True, np.diff(fixed) > 1e-9)]
     even = np.arange(np.ceil(times[-1] / duration)) * duration

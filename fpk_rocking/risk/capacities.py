@@ -336,12 +336,7 @@ class Capacities(NamedTuple):
         }
 
     def _imputed(self, at, variance, exact, precision, rng):
-        """Return draws (samples, m) of the logarithms of the capacities, given the population and what is measured.
-
-        Before the measurement they are normal about `at` (samples, m or 1) with a `variance` (samples, 1). `precision`
-        (m,) is 1/error² of the estimates, `exact` (m,) whether the error is 0: those are `middle`. All draws lie
-        between `low` and `high`. `rng`: a numpy Generator.
-        """
+        """Return draws (samples, m) of the logarithms of the capacities, given the population and what is measured."""
         estimated = np.isfinite(self.error)
         gain = np.where(estimated, precision * variance / (1.0 + precision * variance), 0.0)
         middle, width = at + gain * (self.middle - at), np.sqrt(variance * (1.0 - gain))

@@ -35,13 +35,7 @@ from fpk_rocking.studies.scenes import checked_scenes
 
 
 def critical_text(measure: str) -> str:
-    """Return what critical, always and equivalent intensities are, as sentences beside a table.
-
-    Parameters
-    ----------
-    measure : str
-        "PGA", "PGV" or "scale".
-    """
+    """Return what critical, always and equivalent intensities are, as sentences beside a table."""
     return (
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
         "at least. Above it the block may stand again, until it always overturns. Narrower intervals may be missed: at "
@@ -234,10 +228,6 @@ class CriticalIntensities(Result):
         order = np.argsort(self.critical, kind="stable")
 
         def panel(_, axes):
-            """Draw a bar over each interval in which a motion overturns, and a mark at the motion's own intensity.
-
-            The motion with the weakest critical intensity is lowest; `axes` are matplotlib's, the figure is not used.
-            """
             end = min(self.highest, 1.25 * max(self.own.max(), np.nanmax(self.jumps, initial=0.0)))
             for place, number in enumerate(order):
                 row = self.jumps[number][np.isfinite(self.jumps[number])]
@@ -265,21 +255,13 @@ def side_names(sides: Array) -> Array:
 
 
 def intervals_text(jumps: Array) -> str:
-    """Return the intervals of overturning as a text, as in "0.41-0.43; 0.5-".
-
-    They lie between `jumps` (k,), ascending scales or intensities from which a block overturns and stands in turn; nan
-    behind the last.
-    """
+    """Return the intervals of overturning as a text, as in "0.41-0.43; 0.5-"."""
     texts = [f"{jump:.4g}" for jump in jumps[np.isfinite(jumps)]]
     return "; ".join(f"{begin}-{end}" for begin, end in zip(texts[::2], [*texts[1::2], ""], strict=False))
 
 
 def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagnostic]:
-    """Return a list with a `Diagnostic` if motions overturn a block only when scaled far up; else an empty list.
-
-    `factor` (m,): factor of each motion's own acceleration from which it does, inf for none; `always` (m,): that from
-    which it does so at every larger one.
-    """
+    """Return a list with a `Diagnostic` if motions overturn a block only when scaled far up; else an empty list."""
     far = factor[np.isfinite(factor) & (factor > LARGEST_FACTOR)]
     if not far.size:
         return []

@@ -550,10 +550,7 @@ def fragility(
 
 
 def _scenes(scene, over):
-    """Return (scenes, axis, places): scenes at scale 1, the name of what they differ in, and its value for each.
-
-    `scene` and `over` are as of `fragility`; without `over` the name is "scene" and the values are 0, 1, ...
-    """
+    """Return (scenes, axis, places): scenes at scale 1, the name of what they differ in, and its value for each."""
     if over is None:
         scenes = (scene,) if isinstance(scene, Scene) else checked_scenes("scene", scene)
         return scenes, "scene", range(len(scenes))
@@ -575,10 +572,7 @@ def _check_levels(levels, scenes):
 
 
 def _engine(engine, scenes):
-    """Return (engine, scenes): the name of the engine, one that fits for None, and the scenes with noise it takes.
-
-    ValueError where no one engine takes all `scenes`, or there is none of this name.
-    """
+    """Return (engine, scenes): the name of the engine, one that fits for None, and the scenes with noise it takes."""
     engines = "exact", "rk4", "white", "filtered", "density"
     if engine is not None and engine not in engines:
         accepted = ", ".join(map(repr, engines)) + " or None (the Monte Carlo method that fits the noise)"
@@ -595,11 +589,7 @@ def _engine(engine, scenes):
 
 
 def _options(engine, scenes, lasting, realizations, tol):
-    """Return (options, realizations): a dict of options of the task, and the size (int) of a sample, 0 for a density.
-
-    `engine` is its name, `scenes` are `Scene`s, `lasting` a dict with cycles or times, `realizations` (int) the wanted
-    size, of which 1 is left where no scene is random, `tol` the wanted error of the probabilities of a density.
-    """
+    """Return (options, realizations): a dict of options of the task, and the size of a sample, 0 for a density."""
     if engine == "density":
         return lasting | {"tol": tol}, 0
     realizations = checks.count("realizations", realizations)
@@ -608,19 +598,13 @@ def _options(engine, scenes, lasting, realizations, tol):
 
 
 def _at(scene, factor, level, scale_noise):
-    """Return the scene scaled by `factor`, its angle of overturning set to `level`, or kept where that is None.
-
-    `scale_noise`: whether the noise is scaled too.
-    """
+    """Return the scene scaled by `factor`, its angle of overturning set to `level`, or kept where that is None."""
     shaken = scaled(scene, factor, noise=scale_noise)
     return shaken if level is None else shaken.varied(overturning={"angle": level})
 
 
 def _overturned(values):
-    """Return the last probability of overturning (float) by `values`, the dict of a row of a task; nan of an empty one.
-
-    Of a sample it is a ratio of whole numbers.
-    """
+    """Return the last probability of overturning by `values`, the dict of a row of a task; nan of an empty one."""
     if not values:
         return np.nan
     if "survivors" in values:

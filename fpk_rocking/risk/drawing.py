@@ -107,26 +107,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
 
 
 def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[Array, Array]:
-    """Draw further points of the unit cube from where weighted points are; return them and new weights of all.
-
-    The new ones are normal about the weighted mean, with twice the covariance and a deviation of 0.07 at least.
-
-    Parameters
-    ----------
-    points : ndarray, shape (k, d)
-        Drawn uniformly.
-    weights : ndarray, shape (k,)
-        Of sum 1.
-    count, seed : int
-        Number of new points, and the seed of their scrambled Sobol sequence.
-
-    Returns
-    -------
-    new : ndarray, shape (count, d)
-        Fewer where too many fall outside the cube.
-    importance : ndarray, shape (k + count,)
-        Uniform density over that of the mixture of both sets, at each point.
-    """
+    """Draw further points of the unit cube from where weighted points are; return them and new weights of all."""
     from scipy import stats
 
     mean = weights @ points
@@ -140,10 +121,7 @@ def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[
 
 
 def _with_value(scene, name, value):
-    """Return a copy of a scene with the parameter `name` set to `value`, or multiplied by it.
-
-    It is multiplied where the name, as of `varied`, ends with "_factor".
-    """
+    """Return a copy of a scene with the parameter `name` set to `value`, or multiplied by it."""
     if not name.endswith("_factor"):
         return varied(scene, name, value)
     parameter = name.removesuffix("_factor")
@@ -154,11 +132,7 @@ def _with_value(scene, name, value):
 
 
 def _refuse_far(scenes, name, law):
-    """Raise ValueError where the own value of one of `scenes` lies outside 4 normal deviations of a distribution.
-
-    `name` is that of the parameter, `law` a distribution as of `distribution_of`. One that is meant as a factor is
-    refused so; names with "_factor", and "scale", are not checked.
-    """
+    """Raise ValueError where the own value of one of `scenes` lies outside 4 normal deviations of a distribution."""
     from scipy import special
 
     if name.endswith("_factor") or name == "scale":
@@ -189,20 +163,7 @@ def _value(scene, name):
 
 
 def distribution_of(name: str, law: Any) -> Any:
-    """Return the distribution that a text names, a frozen one of `scipy.stats` with `ppf`, `pdf` and `cdf`.
-
-    Parameters
-    ----------
-    name : str
-        Of the value that is distributed, for messages.
-    law : str or distribution
-        A text such as "normal:0:1"; an object with `ppf` is returned as it is.
-
-    Raises
-    ------
-    TypeError, ValueError
-        The text names no distribution.
-    """
+    """Return the distribution that a text names, a frozen one of `scipy.stats` with `ppf`, `pdf` and `cdf`."""
     from scipy import stats
 
     if hasattr(law, "ppf"):
@@ -311,11 +272,7 @@ def synthetic_records(
 
 
 def _filtered_noise(space, interval, strength, rng):
-    """Return samples (n + 1,) of the output of a filter that starts at rest, for white noise of a `strength` (n,).
-
-    `space`: the filter, a `StateSpace` of unit variance at a strength of 1; `interval`: seconds between samples, in
-    each of which the strength is constant; `rng`: a numpy Generator.
-    """
+    """Return samples (n + 1,) of the output of a filter that starts at rest, for white noise of a `strength` (n,)."""
     from scipy.linalg import expm
 
     move = expm(space.drift * interval)
@@ -333,10 +290,7 @@ def _filtered_noise(space, interval, strength, rng):
 
 
 def _high_passed(samples, interval, frequency, damping):
-    """Return samples (n,) of y'', where y'' + 2 ζ ω y' + ω² y = u, for `samples` (n,) of u, linear between them.
-
-    `interval`: seconds between samples; `frequency` ω, rad/s; `damping` ζ. y'' has the unit of u.
-    """
+    """Return samples (n,) of y'', where y'' + 2 ζ ω y' + ω² y = u, for `samples` (n,) of u, linear between them."""
     from scipy import signal
 
     system = [1.0, 0.0, 0.0], [1.0, 2.0 * damping * frequency, frequency**2]

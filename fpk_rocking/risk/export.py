@@ -168,10 +168,7 @@ def _same(curves):
 
 
 def _distribution(curve):
-    """Return (intensities, probabilities), (n,) each, of an `IntensityCurve`, as pelicun wants them.
-
-    The probabilities rise strictly from 0 to the last of the curve.
-    """
+    """Return (intensities, probabilities), (n,) each, of an `IntensityCurve`, as pelicun wants them."""
     # Without shaking no block overturns.
     x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
     rises = np.diff(y) > 0.0
@@ -180,17 +177,7 @@ def _distribution(curve):
 
 
 def not_for_pelicun(curve: IntensityCurve) -> str:
-    """Return why pelicun could not take a curve, as a text.
-
-    Parameters
-    ----------
-    curve : IntensityCurve
-
-    Returns
-    -------
-    str
-        Empty where it can.
-    """
+    """Return why pelicun could not take a curve, as a text."""
     if curve.fitted or curve.probability[-1] == 1.0:
         return ""
     accepted = "1, which pelicun asks of a curve without a lognormal fit: give higher intensities"
@@ -198,18 +185,7 @@ def not_for_pelicun(curve: IntensityCurve) -> str:
 
 
 def check_name(name: str) -> None:
-    """Raise ValueError for a name that the formats do not take; else return None.
-
-    Parameters
-    ----------
-    name : str
-        Identifier of a function or a component.
-
-    Raises
-    ------
-    ValueError
-        It is not up to 75 letters, digits, ``_`` and ``-``, or that of another file of a study.
-    """
+    """Raise ValueError for a name that the formats do not take; else return None."""
     if not isinstance(name, str) or not re.fullmatch(NAMES, name):
         accepted = f"up to 75 letters, digits, _ and -, and none of {', '.join(_TAKEN)}"
         raise ValueError(checks.refusal("name", name, accepted))

@@ -154,10 +154,7 @@ TAIL = 12.0
 
 
 def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
-    """Return edges (n + 1,) in ln(intensity) of Gauss-Legendre rules.
-
-    Points of the `hazard`, a `Hazard`, are among them, and those of a `curve`, an `IntensityCurve`, without a fit.
-    """
+    """Return edges (n + 1,) in ln(intensity) of Gauss-Legendre rules."""
     places = curve.outcomes[0]
     steep, gentle = hazard.exponents.max(), hazard.exponents.min()
     points = np.log(hazard.intensity)
@@ -187,10 +184,7 @@ def gauss_nodes(edges: Array) -> tuple[Array, Array]:
 
 
 def rate_density(probability: Callable[[Array], Array], hazard: Hazard, y: Array) -> Array:
-    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability.
-
-    `probability`: a function of the intensities; `hazard`: the `Hazard` H, of exponent k between two of its points.
-    """
+    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability."""
     place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
     return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
 
@@ -209,10 +203,7 @@ def rate_limits(curve: IntensityCurve, hazard: Hazard, edges: Array) -> tuple[fl
 
 
 def lognormal_rates(replicates: Array, hazard: Hazard, first: float, last: float) -> Array:
-    """Return annual rates (b,) by lognormal curves, (median, dispersion) (b, 2), over ln(im) from `first` to `last`.
-
-    By parts ∫ N |dH| = -[H N] + ∫ H dN, and the power law H of exponent k moves the normal density by -k β².
-    """
+    """Return annual rates (b,) by lognormal curves, (median, dispersion) (b, 2), over ln(im) from `first` to `last`."""
     from scipy import special
 
     # Few motions agree with medians of 0 and inf.
@@ -235,11 +226,7 @@ def lognormal_rates(replicates: Array, hazard: Hazard, first: float, last: float
 def contributions_by_bin(
     probability: Callable[[Array], Array], hazard: Hazard, y: Array, share: Array
 ) -> tuple[Array, Array]:
-    """Return (edges, shares): edges (25,) of bins of intensity with all but a thousandth of the rate; its shares (24,).
-
-    `probability`: a function of intensities; `share` (n,): parts of the rate at the nodes y = ln(intensity), (n,). Of a
-    rate of 0 it is one bin, of 0.
-    """
+    """(edges, shares): edges (25,) of bins of intensity with all but a thousandth of the rate; its shares (24,)."""
     total = share.sum()
     if not total > 0.0:
         return np.exp(y[[0, -1]]), np.zeros(1)
@@ -251,10 +238,7 @@ def contributions_by_bin(
 
 
 def share_beyond(y: Array, share: Array, points: Sequence[float] | Array) -> float:
-    """Return the part (float) of the rate from outside the intensities from `points[0]` to `points[-1]`.
-
-    `share` (n,): contributions to the rate at the nodes y = ln(intensity), (n,).
-    """
+    """Return the part (float) of the rate from outside the intensities from `points[0]` to `points[-1]`."""
     outside = (y < math.log(points[0])) | (y > math.log(points[-1]))
     total = share.sum()
     return float(share[outside].sum() / total) if total > 0.0 else 0.0

@@ -156,26 +156,7 @@ def fit_lognormal(
 
 
 def fit_rows(logs: Array, shares: Array, rows: Array | None = None) -> tuple[Array, Array, Array, Array]:
-    """Fit a lognormal curve to each of many sets of probabilities at the same scales.
-
-    Parameters
-    ----------
-    logs : ndarray, shape (n,)
-        Logarithms of the scales.
-    shares : ndarray, shape (b, n)
-        Probabilities, in [0, 1].
-    rows : ndarray of int, optional
-        Sets to fit; all by default.
-
-    Returns
-    -------
-    rows : ndarray of int, shape (c,)
-        Those that determine a curve.
-    middle, dispersion : ndarray, shape (c,)
-        Logarithm of the median, and β.
-    error : ndarray, shape (c, 2)
-        Standard errors of the logarithms of both, for one realization of each probability.
-    """
+    """Fit a lognormal curve to each of many sets of probabilities at the same scales."""
     trials, rows = np.ones(logs.size), np.arange(len(shares)) if rows is None else rows
     rows = np.array([row for row in rows if not _undetermined(logs, shares[row], trials)], int)
     if not rows.size:
@@ -266,10 +247,7 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
 
 
 def _errors(intercept, slope, information):
-    """Return standard errors (..., 2) of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method.
-
-    `intercept` b₀ and `slope` b₁ are (...), their Fisher `information` is (..., 2, 2).
-    """
+    """Return standard errors (..., 2) of ln m = -b₀/b₁ and ln β = -ln b₁ by the delta method."""
     zero = np.zeros_like(slope)
     change = np.stack([-1.0 / slope, intercept / slope**2, zero, -1.0 / slope], axis=-1).reshape(*slope.shape, 2, 2)
     covariance = change @ np.linalg.pinv(information, hermitian=True) @ np.swapaxes(change, -1, -2)
@@ -277,10 +255,7 @@ def _errors(intercept, slope, information):
 
 
 def _undetermined(logs, count, trials):
-    """Return why the likelihood of counts (n,) at `logs` (n,), of `trials` (n,), has no maximum; else an empty text.
-
-    `logs` are the logarithms of the scales.
-    """
+    """Return why the likelihood of counts (n,) at `logs` (n,), of `trials` (n,), has no maximum; else an empty text."""
     happened, missed = logs[count > 0.0], logs[count < trials]
     if not happened.size or not missed.size:
         return f"the probability is {'0' if not happened.size else '1'} at all scales"
@@ -297,24 +272,7 @@ def _likelihood(z, count, trials):
 
 
 def _maximize(design, count, trials):
-    """Maximize the likelihood of sets of counts under probits that are linear in some terms; return its place.
-
-    Parameters
-    ----------
-    design : ndarray, shape (k, n)
-        Values of the terms: ones, the logarithms of the scales, and any others.
-    count : ndarray, shape (r, n)
-        Sets of counts.
-    trials : ndarray, shape (n,)
-        Sizes of the samples.
-
-    Returns
-    -------
-    curve : ndarray, shape (r, k)
-        Factors of the terms at the maximum.
-    information : ndarray, shape (r, k, k)
-        Observed information.
-    """
+    """Maximize the likelihood of sets of counts under probits that are linear in some terms; return its place."""
     sets, terms = count.shape[0], len(design)
     middle, spread = design[1].mean(), max(design[1].std(), 1e-9)
     start = np.array([[-middle / spread, 1.0 / spread, *[0.0] * (terms - 2)]])
@@ -340,10 +298,7 @@ def _maximize(design, count, trials):
 
 
 def _derivatives(z, count, trials, design):
-    """Return the gradient (r, k) of the log-likelihood by the factors of terms, and its observed information (r, k, k).
-
-    `z` (r, n): probits; `count` (r, n) of `trials` (n,); `design` (k, n): values of the terms.
-    """
+    """Gradient (r, k) of the log-likelihood by the factors of terms, and its observed information (r, k, k)."""
     density = -0.5 * z * z - 0.5 * math.log(2.0 * math.pi)
     rise, fall = np.exp(density - scipy.special.log_ndtr(z)), np.exp(density - scipy.special.log_ndtr(-z))
     gradient = (count * rise - (trials - count) * fall) @ design.T
@@ -352,10 +307,7 @@ def _derivatives(z, count, trials, design):
 
 
 def _deviance(logs, count, trials, curve):
-    """Return the deviance (r,) of counts `count` (r, n) of `trials` (n,) from curves: twice the log-likelihood lost.
-
-    `curve` (r, 2): b₀ and b₁ of the probits b₀ + b₁ `logs`; `logs` (n,): logarithms of the scales.
-    """
+    """Return the deviance (r,) of counts `count` (r, n) of `trials` (n,) from curves: twice the log-likelihood lost."""
     missed = trials - count
     best = scipy.special.xlogy(count, count / trials) + scipy.special.xlogy(missed, missed / trials)
     z = curve[:, :1] + curve[:, 1:] * logs

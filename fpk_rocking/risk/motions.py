@@ -51,11 +51,7 @@ class Intensities(NamedTuple):
     relative_velocity: float
 
     def columns(self, scale: float) -> dict[str, float]:
-        """Return the measures times `scale`, a factor of the forcing, as floats by name, for tables.
-
-        Names: "acceleration", "velocity", "relative_velocity" (nondimensional), "pga_g" and "pgv_m_per_s" (nan for a
-        block without dimensions).
-        """
+        """Return the measures times `scale`, a factor of the forcing, as floats by name, for tables."""
         return {
             "acceleration": scale * self.acceleration,
             "velocity": scale * self.velocity,
@@ -131,25 +127,7 @@ def measure_of(name: str) -> Measure:
 
 
 def intensity_of(scene: Scene, measure: str) -> float:
-    """Return the peak ground acceleration, in g, or velocity, in m/s, of a scene's forcing.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of a block with dimensions.
-    measure : str
-        "PGA" (in g) or "PGV" (in m/s).
-
-    Returns
-    -------
-    float
-        In the unit of the measure, above 0.
-
-    Raises
-    ------
-    ValueError
-        The measure is unknown, the block has no dimensions, or the forcing is 0.
-    """
+    """Return the peak ground acceleration, in g, or velocity, in m/s, of a scene's forcing."""
     chosen = measure_of(measure)
     peak = getattr(measured(checks.instance("scene", scene, Scene)), chosen.field) / chosen.si
     if not peak > 0.0:
@@ -205,32 +183,7 @@ def recorded_scenes(
     baseline: str | None = None,
     corner_hz: float | None = None,
 ) -> list[Scene]:
-    """Return a scene under each of several motions, with the default number of harmonics for each where it has one.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its forcing is replaced; it stays where there are no motions.
-    records : sequence of Forcing, str or pathlib.Path
-        Motions, or files that `Record.from_file` reads. Empty: the scene's own forcing.
-    units : str, optional
-        Unit of the records where their files do not say it.
-    baseline : {"none", "mean", "linear", "high-pass"}, optional
-        Correction of all records, that of the scene included; by default each keeps its own.
-    corner_hz : float, optional
-        Corner of the correction "high-pass", Hz; by default each keeps its own. Refused where none has that correction.
-
-    Returns
-    -------
-    list of Scene
-        One for each motion, in order; corrections are of those that are a `Record`.
-
-    Raises
-    ------
-    TypeError, ValueError, OSError
-        A parameter or a file is refused; or `units` is stated, all files say their unit, and it is none of these; or a
-        baseline is to be corrected where there is no record.
-    """
+    """Return a scene under each of several motions, with the default number of harmonics for each where it has one."""
     files = [motion for motion in records if not isinstance(motion, Forcing)]
     read = {str(file): Record.from_file(file, units_if_unstated=units) for file in files}
     said = dict.fromkeys(record.units for record in read.values())
@@ -256,35 +209,14 @@ def recorded_scenes(
 
 
 def motion_table(scenes: Sequence[Scene]) -> dict[str, Array]:
-    """Return columns by name, with a row for the motion of each scene at its own scale.
-
-    They are "motion" (its name), "pga_g" and "pgv_m_per_s" (nan without dimensions).
-
-    Parameters
-    ----------
-    scenes : sequence of Scene, (m,)
-
-    Returns
-    -------
-    dict of str to ndarray, (m,)
-    """
+    """Return columns by name, with a row for the motion of each scene at its own scale."""
     measures = [measured(scene).columns(1.0) for scene in scenes]
     columns = {name: np.array([row[name] for row in measures]) for name in ("pga_g", "pgv_m_per_s")}
     return {"motion": np.array(motion_names(scenes))} | columns
 
 
 def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = False) -> list[str]:
-    """Return a line of text for each motion of a `motion_table`.
-
-    Parameters
-    ----------
-    table : dict of str to ndarray, (m,)
-        Columns by name, at the motions' own scales, or with `at_one` at scale 1, whatever that is.
-    measure : str
-        "PGA", "PGV" or "scale": of critical intensities, where the table has these.
-    at_one : bool
-        Whether the scale is that measure, as in a `fpk_rocking.risk.Fragility`, so that critical ones are none.
-    """
+    """Return a line of text for each motion of a `motion_table`."""
     lines = []
     unit = "" if measure == "scale" else f" {measure_of(measure).unit}"
     for place, name in enumerate(table["motion"]):
@@ -308,10 +240,7 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
 
 
 def motion_names(scenes: Sequence[Scene]) -> list[str]:
-    """Return a list of the names of the motions of scenes: the source of a record, else what the forcing is.
-
-    All differ: equal ones are numbered.
-    """
+    """Return a list of the names of the motions of scenes: the source of a record, else what the forcing is."""
     names = [getattr(scene.forcing, "source", "") or str(scene.forcing) for scene in scenes]
     count = dict.fromkeys(names, 0)
     for place, name in enumerate(names):

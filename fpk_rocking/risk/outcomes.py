@@ -52,21 +52,7 @@ SCATTERED, SHARED = "critical_angle", "frequency_parameter"
 
 
 def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf) -> Array:
-    """Return the scales at which the outcome of a path changes, ascending: odd ones to overturning, even ones back.
-
-    Parameters
-    ----------
-    paths : ScaledPaths
-    low, high : float
-        Range of scales, above 0. At the lowest a block has to stand; if it does not, that is the first jump.
-    settled : float
-        Factor over which the block has to overturn at all scales for the search to end before `high`.
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        Each right to `EDGE`.
-    """
+    """Return the scales at which the outcome of a path changes, ascending: odd ones to overturning, even ones back."""
     scales = np.append(low * np.exp(COARSE * np.arange(math.ceil(math.log(high / low) / COARSE))), high)
     scales, outcomes = _until_settled(paths, scales, settled)
     while True:
@@ -99,19 +85,12 @@ def farthest_scale(scene: Scene) -> float:
 
 
 def overturns(jumps: Array, scales: ArrayLike) -> Array:
-    """Return whether each of m blocks overturns at each of `scales` (n,), an array of bool (m, n).
-
-    `jumps` (m, k): ascending scales from which it overturns and stands in turn, with nan behind the last.
-    """
+    """Return whether each of m blocks overturns at each of `scales` (n,), an array of bool (m, n)."""
     return (jumps[:, None, :] <= np.asarray(scales, float)[:, None]).sum(axis=-1) % 2 == 1
 
 
 def first_scale(jumps: Array) -> Array:
-    """Return the lowest scale (m,) of each of m blocks from which it overturns over 1 % (`FINE`) at least.
-
-    inf where there is none. `jumps` (m, k): ascending scales from which each overturns and stands in turn, nan behind
-    the last.
-    """
+    """Return the lowest scale (m,) of each of m blocks from which it overturns over 1 % (`FINE`) at least."""
     begins = jumps[:, ::2]
     ends = np.full(begins.shape, math.inf)
     ends[:, : jumps.shape[1] // 2] = np.nan_to_num(jumps[:, 1::2], nan=math.inf)
@@ -128,34 +107,18 @@ def last_scale(jumps: Array) -> Array:
 
 
 def equivalent_scale(jumps: Array) -> Array:
-    """Scales (m,) above which blocks that overturned at all scales would do so over as much of the logarithm as these.
-
-    inf where they stand in the end.
-    """
+    """Scales (m,) above which overturning at all scales covers as much of the logarithm as these do."""
     signs, logs = 1.0 - 2.0 * (np.arange(jumps.shape[1]) % 2), np.log(jumps)
     return np.where(np.isfinite(last_scale(jumps)), np.exp(np.nansum(signs * logs, axis=1)), math.inf)
 
 
 class MotionOutcomes(NamedTuple):
-    """What s scenes without noise come to over their scales, and at their own.
+    """What s scenes without noise come to over their scales, and at their own."""
 
-    Parameters
-    ----------
-    jumps : ndarray, shape (s, l + 1, k)
-        Scales, ascending, from which a block overturns (the first, third, ...) or stands (the second, fourth, ...), nan
-        behind the last; [:, 1:] from which it reaches each of l levels.
-    peak : ndarray, shape (s,)
-        Largest |Θ| = |θ|/θ_cr at scale 1; where the block overturns that of overturning.
-    overturn_time : ndarray, shape (s,)
-        Time τ of overturning at scale 1, nan where the block stands.
-    overturn_side : ndarray, shape (s,)
-        -1 (left) or 1 (right), 0 where it stands.
-    """
-
-    jumps: Annotated[Array, "f8 s l+1 k"]
-    peak: Annotated[Array, "f8 s"]
-    overturn_time: Annotated[Array, "f8 s"]
-    overturn_side: Annotated[Array, "i1 s"]
+    jumps: Annotated[Array, "f8 s l+1 k"]  # (s, l + 1, k)
+    peak: Annotated[Array, "f8 s"]  # (s,)
+    overturn_time: Annotated[Array, "f8 s"]  # (s,)
+    overturn_side: Annotated[Array, "i1 s"]  # (s,)
 
     @property
     def critical(self) -> Array:
@@ -164,11 +127,7 @@ class MotionOutcomes(NamedTuple):
 
     @classmethod
     def of(cls, values: Sequence[dict[str, Any]], curves: int = 1) -> "MotionOutcomes":
-        """Return the `MotionOutcomes` of a list of what `search` has returned.
-
-        It has an entry for each scene and each of its `curves`, l + 1 of them, in this order; an empty dict where the
-        engine gave no answer.
-        """
+        """Return the `MotionOutcomes` of a list of what `search` has returned."""
         own = values[::curves]
         rows = _padded([row.get("jumps", ()) for row in values])
         return cls(
@@ -180,13 +139,7 @@ class MotionOutcomes(NamedTuple):
 
 
 def search(scene: Scene, *, seed: int, measure: str, highest: float | None, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
-    """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale.
-
-    "jumps": list of ascending scales up to the `highest`, at which standing and overturning change; "peak": largest |Θ|
-    at scale 1, nondimensional; "overturn_time": τ, or None; "overturn_side": -1, 1, or 0 for none. `highest` is an
-    intensity of the `measure`, "PGA" (g), "PGV" (m/s) or "scale", and with None the search goes as far as it must;
-    `seed` is not used; `lasting`: cycles or times, as of `montecarlo.simulate`.
-    """
+    """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale."""
     paths = ScaledPaths(scene, **lasting)
     (overturn_time,), (side,), (peak,) = paths([1.0])
     own = 1.0 if measure == "scale" else intensity_of(scene, measure)
@@ -206,10 +159,7 @@ def kernels_of(
     scenes: Iterable[Scene],
     options: dict[str, Any],  # noqa: ARG001
 ) -> list[str]:
-    """Return a sorted list of the tasks, texts, of `base.precompilation` that compile the paths of some scenes.
-
-    `task` and `options` are not used.
-    """
+    """Return a sorted list of the tasks, texts, of `base.precompilation` that compile the paths of some scenes."""
     return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
 
@@ -222,10 +172,7 @@ def _padded(rows: Sequence[Array]) -> Array:
 
 
 def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
-    """Return outcomes, an array_like of True or False, as an array of bool (count,); ValueError for anything else.
-
-    `name` is that of the parameter, for the message.
-    """
+    """Return outcomes, an array_like of True or False, as an array of bool (count,); ValueError for anything else."""
     out = np.asarray(values)
     if out.shape != (count,) or not np.isin(out, [0, 1]).all():
         raise ValueError(checks.refusal(name, values, f"{count} outcomes, True or False, one for each motion"))
@@ -233,18 +180,7 @@ def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
 
 
 def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: float) -> Scene:
-    """Return the `Scene` of a block under a motion, without noise: here it is said what the parameters of a prior mean.
-
-    Parameters
-    ----------
-    motion : Record
-    overturning : float
-        Angle of overturning, in critical angles, of the harder side where the sides differ.
-    **values : float
-        `critical_angle` α, radians, and `frequency_parameter` p, rad/s, of the easier side: as those of a homogeneous
-        rectangle, whose half diagonal is 3 g/(4 p²). `restitution`, by default Housner's. `offset` d of the centre of
-        mass, by default 0: it is (1 - d) half widths from the left corner and (1 + d) from the right one.
-    """
+    """`Scene` of a block under a motion, without noise: here it is said what the parameters of a prior mean."""
     if not {SCATTERED, SHARED} <= values.keys() <= {SCATTERED, SHARED, "restitution", "offset"}:
         accepted = f"{SCATTERED}, {SHARED}, and restitution and offset or not"
         raise ValueError(checks.refusal("prior", sorted(values), accepted))
@@ -266,11 +202,7 @@ def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: fl
 def block_scenes(
     names: Sequence[str], values: Array, angles: Array, overturning: float, motions: Sequence[Record]
 ) -> list[list[Scene]]:
-    """Return lists (k) of lists (j) of scenes of blocks under the first of `motions`.
-
-    `values` (k, d) are those of the parameters `names` (d), as of `block_scene`; `angles` (j,): critical angles,
-    radians; `overturning`: angle of overturning, in critical angles.
-    """
+    """Return lists (k) of lists (j) of scenes of blocks under the first of `motions`."""
     return [
         [
             block_scene(motions[0], overturning, **{SCATTERED: angle}, **dict(zip(names, row, strict=True)))
@@ -283,17 +215,7 @@ def block_scenes(
 def outcomes_of(
     blocks: Sequence[Sequence[Scene]], motions: Sequence[Record], progress: Progress | None = None
 ) -> Array:
-    """Return whether blocks overturn under n motions, as an array of bool (n, k, j).
-
-    `blocks`: lists (k) of lists (j) of scenes, whose critical angles ascend along j. `progress`: called as
-    ``progress(done, total)`` after each motion.
-
-    At every other critical angle the path is followed; between two at which the block comes to different things too.
-
-    Returns
-    -------
-    ndarray of bool, shape (n, k, j)
-    """
+    """Return whether blocks overturn under n motions, as an array of bool (n, k, j)."""
     out, done = np.zeros((len(motions), len(blocks), len(blocks[0])), bool), []
     sizes: Any = [[scene.block.size for scene in row] for row in blocks]
     groups: dict[float, list[int]] = {}
@@ -301,10 +223,6 @@ def outcomes_of(
         groups.setdefault(round(row[0].frequency_parameter, 9), []).append(number)
 
     def follow(number):
-        """Follow all blocks under the motion of a `number` and write to `out[number]` (k, j) which overturn.
-
-        Those of equal frequency parameter share its tables.
-        """
         for rows in groups.values():
             overturns = _follower(blocks[rows[0]][0], motions[number])
             for place in range(0, out.shape[2], 2):
@@ -323,17 +241,13 @@ def outcomes_of(
 
 
 def _follower(first, motion):
-    """Return a function of a `Scene` that says (bool) whether its block overturns under a `motion`, a `Record`.
-
-    The blocks have the frequency parameter of that of the scene `first`.
-    """
+    """Return a function of a `Scene` that says (bool) whether its block overturns under a `motion`, a `Record`."""
     first = dataclasses.replace(first, forcing=motion.for_size(first.block.size))
     run = checked_run(first, None, None, 1, "exact", 200, times=[first.forcing.duration + SETTLING])
     tables = engine_of(first, "exact").parameters_of(first, 200, run.times[1:])
     latest: dict[Any, Any] = {}
 
     def overturns(scene):
-        """Whether the block of a `scene` overturns under the motion (bool)."""
         size, block = scene.block.size, block_of_scene(scene)
         factor = size.amplitude(1.0) / first.block.size.amplitude(1.0)
         if factor * first.forcing.largest <= scene.block.lift_off:

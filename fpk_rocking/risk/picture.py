@@ -108,11 +108,7 @@ def surface_figure(path: File, result: Any, title: str = "", which: int = 0) -> 
 
 
 def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
-    """Draw the probability over scale and parameter on matplotlib `axes`, with the medians of the fits.
-
-    `result` is a `Fragility` over a parameter, `which` the index of the probability: 0 overturning, 1, 2, ... the
-    levels. Return the filled contours (matplotlib's), for a colour bar.
-    """
+    """Draw the probability over scale and parameter on matplotlib `axes`, with the medians of the fits."""
     filled = draw_map(axes, result.scale, result.place, result.probability[:, which])
     medians = np.array([fits[which].median for fits in result.fits])
     axes.plot(medians, result.place, "o", color=pictures.COLOURS[1], label="median of the lognormal fit")
@@ -121,10 +117,7 @@ def draw_surface(axes: Any, result: Any, which: int = 0) -> Any:
 
 
 def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
-    """Draw probabilities (m, n) as contours on matplotlib `axes`, and return the filled ones, for a colour bar.
-
-    Both parameters are positive and ascend: `across` (n,) to the right, `up` (m,); the axes become logarithmic.
-    """
+    """Draw probabilities (m, n) as contours on matplotlib `axes`, and return the filled ones, for a colour bar."""
     values = np.clip(probability, 0.0, 1.0)
     filled = axes.contourf(across, up, values, levels=np.linspace(0.0, 1.0, 11), cmap=pictures.SURFACE)
     lines = axes.contour(across, up, values, levels=[0.1, 0.5, 0.9], colors="black", linewidths=0.9)
@@ -137,10 +130,7 @@ def draw_map(axes: Any, across: Array, up: Array, probability: Array) -> Any:
 
 
 def message(result: Any) -> str:
-    """Return the title (str) of a picture of a `Fragility`: the scale, or range, at which half of the blocks overturn.
-
-    They are interpolated between the probabilities, along the logarithm of the scale; no fit is used.
-    """
+    """Return the title of a picture of a `Fragility`: the scale, or range, at which half of the blocks overturn."""
     if result.deterministic.all():
         return "Fragility"
     halves = np.array([_half(result.scale, curve) for curve in result.overturned])
@@ -158,10 +148,7 @@ def message(result: Any) -> str:
 
 
 def _half(scale, probability):
-    """Return the first scale (float), interpolated in its logarithm, at which the probability rises to 1/2, or nan.
-
-    `scale` (n,) ascends; `probability` (n,), nan where unknown.
-    """
+    """Return the first scale (float), interpolated in its logarithm, at which the probability rises to 1/2, or nan."""
     finite = np.isfinite(probability)
     scale, probability = scale[finite], probability[finite]
     above = np.flatnonzero(probability >= 0.5)
@@ -172,11 +159,7 @@ def _half(scale, probability):
 
 
 def small_figure(result: Any) -> Any:
-    """Return a matplotlib figure of a `Fragility`: the probability of overturning over scale and a parameter.
-
-    Where no parameter is varied, or there is one scale or one place, it has the first three curves, side by side; the
-    title says how many there are if they are more.
-    """
+    """Return a matplotlib figure of a `Fragility`: the probability of overturning over scale and a parameter."""
     if result.axis != "scene" and min(result.probability.shape[::2]) > 1:
         return figure_of(lambda figure, axes: _surface(figure, axes, result, 0))
     events, count = range(len(result.names)), len(result.place)
@@ -191,20 +174,14 @@ def small_figure(result: Any) -> Any:
 
 
 def _surface(figure, axes, result, which):
-    """Draw a `Fragility` over a parameter on `axes`, with legend, and a colour bar in `figure`, both matplotlib's.
-
-    `which`: index of the probability.
-    """
+    """Draw a `Fragility` over a parameter on `axes`, with legend, and a colour bar in `figure`, both matplotlib's."""
     filled = draw_surface(axes, result, which)
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0))
     figure.colorbar(filled, ax=axes, label=_event(result, which))
 
 
 def _curves(axes, result, m, events):
-    """Draw the probabilities of some `events` of scene m of a `Fragility`, with their fits, over the scale, on `axes`.
-
-    `events`: their indices, 0 overturning, 1, 2, ... the levels.
-    """
+    """Draw the probabilities of some `events` of scene m of a `Fragility`, with their fits, over the scale."""
     for which in events:
         _curve(axes, result, m, which, pictures.COLOURS[which % 4], "osD^"[which % 4], fit=True)
     # Limits are set, as there may be no answer at all, and then nothing that a logarithmic axis could begin with.
@@ -215,10 +192,7 @@ def _curves(axes, result, m, events):
 
 
 def _curve(axes, result, m, which, colour, marker, *, fit):
-    """Draw the probability of event `which` (index) of scene m of a `Fragility` with its limits, on matplotlib `axes`.
-
-    `colour`, `marker`: as matplotlib takes them; `fit`: whether the lognormal fit is drawn too.
-    """
+    """Draw the probability of event `which` of scene m of a `Fragility` with its limits, on matplotlib `axes`."""
     finite = np.isfinite(result.probability[m, which])
     scale, values = result.scale[finite], result.probability[m, which, finite]
     engine = "density solver" if result.engine == "density" else f"Monte Carlo {result.engine}"
@@ -238,11 +212,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 
 
 def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
-    """Draw an `IntensityCurve` on matplotlib `axes`: the probability with its limits, and the curve that is used.
-
-    `records` (r, n): the probabilities of each motion at the curve's intensities, drawn too where there are several;
-    without noise their mean is, at all intensities, as each jumps many times.
-    """
+    """Draw an `IntensityCurve` on matplotlib `axes`: the probability with its limits, and the curve that is used."""
     grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
     searched = curve.jumps.size > 0
     if searched and len(records) > 1:
@@ -271,10 +241,7 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:
-    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade.
-
-    `set_scale`: ``axes.set_xscale`` or ``set_yscale``; `axis`: ``axes.xaxis`` or ``yaxis`` of matplotlib.
-    """
+    """Make an axis logarithmic, with plain numbers at 1, 2 and 5 times the powers of ten, more within a decade."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     set_scale("log")
@@ -291,10 +258,7 @@ def _event(result, which):
 
 
 def _notes(results):
-    """Return a list of notes, texts, below a picture of `results`, each a `Fragility`.
-
-    They are the sample size, meaning of the scale and duration of the first result, and the verdicts that are not ok.
-    """
+    """Return a list of notes, texts, below a picture of `results`, each a `Fragility`."""
     first = results[0]
     sizes = (f"{result.engine}: {size_of(result)}" for result in results)
     sampled = any(result.realizations and not result.deterministic.all() for result in results)
@@ -321,19 +285,7 @@ def size_of(result: Any) -> str:
 
 
 def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
-    """Return title, table and closing sentences for the probabilities at each scale, for `output.tables.show`.
-
-    Parameters
-    ----------
-    result : Fragility
-
-    Returns
-    -------
-    title : str
-    table : rich.table.Table
-    sentences : tuple of str
-        The verdict, the fits, notes on the columns, the seconds, and the remarks.
-    """
+    """Return title, table and closing sentences for the probabilities at each scale, for `output.tables.show`."""
     many, still = len(result.place) > 1, result.deterministic
     motions = motion_lines(result.motion_table, result.measure, at_one=True) if result.axis == "scene" else ()
     sized = all(np.isfinite(measure.pga) or np.isfinite(measure.pgv) for measure in result.intensities)
@@ -350,7 +302,6 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     limits = result.interval()
 
     def rows(m, place):
-        """Yield the rows of the table, lists of texts, of scene m, whose value on the axis is `place`, one a scale."""
         for n, scale in enumerate(result.scale):
             measures = result.intensities[m].columns(scale)
             strengths = [measures[field] for field in strength.values()]
@@ -381,10 +332,7 @@ def _scale_name(result, name="scale"):
 
 
 def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tuple[str, ...]]:
-    """Return (title, table, sentences) of an `IntensityCurve`: a text, a `rich.table.Table`, and a tuple of texts.
-
-    `motions`: a line of text for each motion, which come last.
-    """
+    """Return (title, table, sentences) of an `IntensityCurve`: a text, a `rich.table.Table`, and a tuple of texts."""
     columns = curve.table()
     rows = zip(
         *([f"{value:.4g}" if np.isfinite(value) else "-" for value in column] for column in columns.values()),

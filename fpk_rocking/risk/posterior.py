@@ -41,18 +41,12 @@ FEW, TOO_FEW = 8.0, 3.0
 
 
 def drawn_names(prior: Mapping[str, Any]) -> list[str]:
-    """Return a list of the names of the d parameters of a prior that are drawn and have no nodes, in its order.
-
-    `prior`: distributions by name, as of `calibrated`.
-    """
+    """Return a list of the names of the d parameters of a prior that are drawn and have no nodes, in its order."""
     return [name for name in prior if name not in {SCATTERED, *CELLS}]
 
 
 def values_at(points: Array, prior: Mapping[str, Any]) -> Array:
-    """Return values (k, d) of the parameters that are drawn, at quantiles `points` (k, d) of their priors.
-
-    The frequency parameter is that of the middle of one of `LEVELS` cells, so that blocks share tables of a motion.
-    """
+    """Return values (k, d) of the parameters that are drawn, at quantiles `points` (k, d) of their priors."""
     names, points = drawn_names(prior), points.copy()
     if SHARED in names:
         column = points[:, names.index(SHARED)]
@@ -262,10 +256,7 @@ class Calibration(Result):
         return float(np.sqrt((own**2) @ (means - own @ means) ** 2).max())
 
     def _predict(self, shares, draws):
-        """Return the `Prediction` under n motions from `shares` (n, k, j) that overturn, of blocks about some draws.
-
-        `draws` (k,): numbers of these; j counts critical angles.
-        """
+        """Return the `Prediction` under n motions from `shares` (n, k, j) that overturn, of blocks about some draws."""
         weights = self.weights[draws].ravel()
         keep = weights > 1e-5 * weights.max()
         used = weights[keep] / weights[keep].sum()
@@ -373,7 +364,6 @@ class Calibration(Result):
         """Draw prior and posterior of the critical angle, and outcomes over probability; return a matplotlib figure."""
 
         def angle(_, axes):
-            """Draw the densities of the median critical angle on matplotlib `axes`; the first argument is not used."""
             medians, mass = self.axes[SCATTERED], self.weights.sum(axis=(0, 2, 3))
             axes.fill_between(medians, mass / np.gradient(medians), color=COLOURS[0], alpha=0.4, label="posterior")
             axes.plot(medians, distribution_of(SCATTERED, self.prior[SCATTERED]).pdf(medians), "k:", label="prior")

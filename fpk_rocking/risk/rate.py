@@ -335,14 +335,10 @@ def _by_points(curve):
 
 
 def _by_jumps(curve, hazard, limits):
-    """Return the `Risk` of motions without noise, from the intensities at which their outcomes change.
-
-    `curve`: an `IntensityCurve` with `jumps`; `limits`: 95 % limits (low, high) of the population's rate, 1/year.
-    """
+    """Return the `Risk` of motions without noise, from the intensities at which their outcomes change."""
     signs = 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
 
     def above(intensity):
-        """Return the annual rate (r,) at which each record overturns a block at intensities above `intensity`."""
         return np.nansum(signs * hazard(np.maximum(curve.jumps, intensity)), axis=-1).mean(axis=-1)
 
     rates, lowest = above(0.0), np.nanmin(curve.jumps)

@@ -34,21 +34,7 @@ _LEFT = (
 
 
 def write_risk_report(path: File, study: Any, command: str = "") -> int:
-    """Write the report of a study of risk as one HTML file, complete or not at all.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        By custom with the suffix .html.
-    study : Study
-    command : str
-        That made the study, if it was one.
-
-    Returns
-    -------
-    int
-        Size of the file in bytes.
-    """
+    """Write the report of a study of risk as one HTML file, complete or not at all."""
     risk, curve, scenes = study.risk, study.curve, study.motions
     title = f"{study.name}: {study.title}"
     # The table of the motions says the same.
@@ -90,10 +76,7 @@ def _scatters(draws):
 
 
 def _picture(panel, meaning):
-    """Return a picture as HTML text, drawn by `panel`, a function of a figure and its axes.
-
-    `meaning` is a text for those who do not see it.
-    """
+    """Return a picture as HTML text, drawn by `panel`, a function of a figure and its axes."""
     return picture_html(figure_of(panel), meaning, dots=150)
 
 
@@ -120,10 +103,7 @@ def _without_forcing(scene):
 
 
 def _block(scene, draws):
-    """Return a text of HTML: the sketch of the block of a scene, its figures, and what of it is uncertain.
-
-    `draws`: the `Draws` of a study, or None.
-    """
+    """Return a text of HTML: the sketch of the block of a scene, its figures, and what of it is uncertain."""
     size = scene.block.size
     if isinstance(size, Dimensions):
         own = size.width <= size.height and math.isclose(scene.block.restitution, size.restitution, rel_tol=1e-12)
@@ -146,11 +126,7 @@ def _block(scene, draws):
 
 
 def _sketch(size):
-    """Return a drawing (SVG, as a text) of the block on its base with its width, height and critical angle.
-
-    `size`: `Dimensions` or `Body`.
-    Of a `Body` it has corners and centre, in a rectangle of twice the centre's height.
-    """
+    """Return a drawing (SVG, as a text) of the block on its base with its width, height and critical angle."""
     if isinstance(size, Dimensions):
         width, height, right, left = size.width, size.height, 0.5 * size.width, None
     else:
@@ -205,10 +181,7 @@ def _noise(scene):
 
 
 def _motions(study):
-    """Return a dict of columns, arrays (m,) by their heads, of the motions of a `Study` as they are.
-
-    Name, seconds, PGA, PGV, and without noise what each does.
-    """
+    """Return a dict of columns, arrays (m,) by their heads, of the motions of a `Study` as they are."""
     table, curve = study.table(), study.curve
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "pgv_as_recorded_m_per_s": "PGV as recorded, m/s"}
@@ -260,14 +233,7 @@ def _digits(values):
 
 
 def risk_figure(path: File, study: Any) -> None:
-    """Draw a study as a page: the curve with its motions, and where there is a hazard the contributions to the rate.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        PNG file to write.
-    study : Study
-    """
+    """Draw a study as a page: the curve with its motions, and where there is a hazard the contributions to the rate."""
     risk, title = study.risk, f"{study.title[0].upper()}{study.title[1:]}"
     notes = list(risk.sentences) if risk else [study.curve.describe()]
     if study.trust.verdict != "ok":
@@ -299,11 +265,7 @@ def draw_contributions(axes: Any, risk: Any) -> None:
 
 
 def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None:
-    """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak.
-
-    `axes`: matplotlib axes; scenes whose block has no size are left out. A `figure`, if any, gets a height by the
-    number of motions.
-    """
+    """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak."""
     motions = [scene for scene in scenes if scene.block.size is not None]
     if figure is not None:
         figure.set_size_inches(7.0, 1.0 + 0.42 * len(motions))

@@ -140,16 +140,11 @@ def study(
     report = _RoundsReport(progress, 1 + uncorrected_too)
 
     def sample(scale, number, scenes=at_one):
-        """Return the `Fragility` of scenes at intensities `scale` (n,), in a round of this `number`.
-
-        Its samples are independent of those of other rounds.
-        """
         own = {"seed": seed_of(seed, 2**32 + number) if number else seed, "store": _store_of(store, number)}
         report.begin_round()
         return fragility(scenes if len(scenes) > 1 else scenes[0], scale=scale, progress=report, **options, **own)
 
     def risk_of(curves):
-        """Return the `Risk` of a `Fragility`, without the replicates of its limits."""
         curve = IntensityCurve.of(curves, measure, draws=draws, samples=1)
         return annual_frequency(dataclasses.replace(curve, refined=True), not_none(exceeded))
 
@@ -228,10 +223,7 @@ def _above(highest, critical):
 
 
 def _store_of(store, number):
-    """Return the path of the file that keeps the rows of the round of a `number`: `store` for 0, others beside it.
-
-    None where `store` is None.
-    """
+    """Return the path of the file that keeps the rows of the round of a `number`: `store` for 0, others beside it."""
     if store is None or not number:
         return store
     path = checks.path("store", store)
@@ -239,10 +231,7 @@ def _store_of(store, number):
 
 
 def _critical(scenes, measure, curves, draws):
-    """Return the `CriticalIntensities` of a block under motions, the `scenes`, at their own scales; None with noise.
-
-    `curves`: the `Fragility` of the scenes at equal intensities of the `measure`; `draws`: drawn blocks, or None.
-    """
+    """Return the `CriticalIntensities` of a block under motions, the `scenes`, at their own scales; None with noise."""
     if curves.motions is None or draws is not None:
         return None if curves.motions is None else critical_intensities(scenes, measure=measure)
     # Up to an intensity this low nothing is searched for: what each motion does at its own scale is left.
@@ -256,27 +245,7 @@ def refined(
     asked: Array,
     above: Sequence[float] = (),
 ) -> tuple[Fragility, int, float]:
-    """Add intensities where the rate comes from, until a round of them moves it by less than `MOVED`.
-
-    Parameters
-    ----------
-    sample : callable
-        Called with intensities (n,) and the number of the round; returns a `Fragility`.
-    risk_of : callable
-        Called with a `Fragility`; returns a `Risk`.
-    asked : ndarray, shape (n,)
-        Intensities to begin with, ascending.
-    above : sequence of float
-        Intensities above those, where some motions overturn the block first.
-
-    Returns
-    -------
-    curves : Fragility
-    added : int
-        Number of intensities that were added.
-    moved : float
-        Part of the rate by which the last round moved it; inf where the rate is 0.
-    """
+    """Add intensities where the rate comes from, until a round of them moves it by less than `MOVED`."""
     curves, rounds = sample(asked, 0), 0
     if len(above):
         curves, rounds = _joined(curves, sample(np.asarray(above), 1)), 1
@@ -292,12 +261,7 @@ def refined(
 
 
 def _more_intensities(risk):
-    """Return intensities (n,), ascending, amid those intervals of the curve of a `Risk` where the rate is least known.
-
-    Four fifths of what is not known is in these intervals.
-    By how much: half the rise of the probability over an interval, times the rate at which it is met. Below the lowest
-    point the probability may be that of it or 0. Intervals narrower than `CLOSEST` are not parted.
-    """
+    """Intensities (n,), ascending, amid those intervals of the curve of a `Risk` where the rate is least known."""
     y, shares = np.log(risk.curve.intensity), np.maximum.accumulate(risk.curve.probability)
     step = max(float(np.diff(y).max(initial=0.0)), CLOSEST)
     y, shares = np.append(y[0] - 2.0 * step, y), np.append(0.0, shares)

@@ -30,14 +30,7 @@ def suite_fields(
     rng: np.random.Generator,
     steps: tuple[Array, Array, float] | None,
 ) -> dict[str, Any]:
-    """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows.
-
-    `capacities` are the `Capacities` of the rows; `shares` (m, n): their probabilities at `intensity` (n,), of
-    `trials` realizations each, 0 where not sampled. `drawn`: values (m,) by name; `samples`: number of replicates,
-    by default `usual_draws`. `steps`: intensities (k,) at which an outcome changes, the mean there, and up to where
-    they are known; None of samples.
-    "sources" has (part of the dispersion, its error) by name, and is missing where there is no fit.
-    """
+    """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows."""
     mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
     fields = {
         "probability": mean,
@@ -77,10 +70,7 @@ def suite_fields(
 
 
 def name_sources(suite: Mapping[str, Any], records: int) -> dict[str, Any]:
-    """Return a dict of fields of an `IntensityCurve`: "records" (int), "sources" and "source_errors" (float by name).
-
-    `suite`: what `suite_fields` returns; of one record there is no part "record to record".
-    """
+    """Return a dict of fields of an `IntensityCurve`: "records", "sources" and "source_errors" (float by name)."""
     sources = {
         name: part for name, part in suite.get("sources", {}).items() if records > 1 or name != "record to record"
     }
@@ -168,10 +158,7 @@ def _rejected(result):
 
 
 def _falling(result):
-    """Return a list with a `Diagnostic` if a curve of a `Fragility` falls as the shaking grows; else an empty list.
-
-    It falls by more than its limits of 99.99 %: weaker shaking is then not safer.
-    """
+    """Return a list with a `Diagnostic` if a curve of a `Fragility` falls as the shaking grows; else an empty list."""
     # At this confidence chance alone seldom makes any curve fall.
     low, high = np.moveaxis(result.interval(0.9999), -1, 0)
     most = np.fmax.accumulate(low, axis=-1)

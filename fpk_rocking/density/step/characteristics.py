@@ -55,11 +55,7 @@ from fpk_rocking.physics.motion.impact import covariance_through_impact, displac
 
 
 class Noise(NamedTuple):
-    """The noise of a step: its duration and diffusion, and the Gauss-Hermite nodes that represent it; nondimensional.
-
-    `nodes`, `offsets` (n, 2): along the long and the short axis in standard deviations, and as offsets in angle and
-    velocity of an undisturbed flight. `margin`: largest offset in angle.
-    """
+    """The noise of a step: its duration and diffusion, and the Gauss-Hermite nodes that represent it."""
 
     duration: float
     diffusion: float
@@ -70,10 +66,7 @@ class Noise(NamedTuple):
 
 @kernel
 def principal_axes(xx, xv, vv):
-    """Return (long x, long v, short x, short v): the principal axes of a covariance of angle and velocity.
-
-    `xx`, `xv`, `vv` are the covariance. Each axis has the length of its standard deviation.
-    """
+    """Return (long x, long v, short x, short v): the principal axes of a covariance of angle and velocity."""
     mean, difference = 0.5 * (xx + vv), 0.5 * (xx - vv)
     radius = math.hypot(difference, xv)
     long = mean + radius
@@ -86,11 +79,7 @@ def principal_axes(xx, xv, vv):
 
 @kernel
 def add_path_correction(particular, duration, dx, dv, out):
-    """Write to `out` (TERMS,) the coefficients of P plus the cubic of time from rest to (dx, dv).
-
-    `particular` (TERMS,) are those of P in the time since the path's begin, lowest power first, and `duration` is that
-    after which the cubic adds the angle dx and the velocity dv; nondimensional.
-    """
+    """Write to `out` (TERMS,) the coefficients of P plus the cubic of time from rest to (dx, dv)."""
     for k in range(TERMS):
         out[k] = particular[k]
     out[2] += (3.0 * dx - duration * dv) / (duration * duration)
@@ -99,22 +88,13 @@ def add_path_correction(particular, duration, dx, dv, out):
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, segment, end, slow, block):
-    """Return (x, v, side, time) of the end of a path of a slender block, through impacts and rest.
-
-    The path begins at (x, v) on `side` (±1, 0 at rest) at t = 0 of the `Segment` and goes to `end`, or to where it
-    overturns; chatter of a time up to `slow` is summed. `block` is a `KernelBlock`; all are nondimensional.
-    """
+    """Return (x, v, side, time) of the end of a path of a slender block, through impacts and rest."""
     return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
 
 
 @kernel
 def _advance_exact_block(x, v, side, segment, end, slow, block):
-    """Return (x, v, side, time) of the end of a path of an exact block, through impacts and rest.
-
-    The path begins at (x, v) on `side` (±1, 0 at rest) at t = 0 of the `Segment` and goes to `end`, or to where it
-    overturns; chatter of a time up to `slow` is summed. It is followed by collocation where it cannot overturn. `block`
-    is a `KernelBlock`; all are nondimensional.
-    """
+    """Return (x, v, side, time) of the end of a path of an exact block, through impacts and rest."""
     low, high = segment.force_low, segment.force_high
     # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
     rise = block.cutoff + max(high, -low)
@@ -128,11 +108,7 @@ def _advance_exact_block(x, v, side, segment, end, slow, block):
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, segment, end, slow, block):
-    """Return (x, v, side, time) of the end of a path, by `_advance_exact_block`, which is too long to be inlined.
-
-    The path begins at (x, v) on `side` (±1, 0 at rest) at t = 0 of the `Segment` and goes to `end`, or to where it
-    overturns. Chatter of a time up to `slow` is summed. `block` is a `KernelBlock`.
-    """
+    """Return (x, v, side, time) of the end of a path, by `_advance_exact_block`, which is too long to be inlined."""
     return _advance_exact_block(x, v, side, segment, end, slow, block)
 
 
@@ -142,24 +118,7 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel
 def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the characteristics of one point, one for each node of the noise of a step.
-
-    Parameters
-    ----------
-    x, v, side : float, float, int
-        Angle, velocity and side (±1) of the point, nondimensional.
-    segment : Segment
-        The forcing over the step.
-    block : KernelBlock
-    noise : Noise
-        With n nodes.
-    scratch : ndarray, shape (4, TERMS)
-        Overwritten.
-    ends : ndarray, shape (n, 2)
-        Receives angle and velocity at the end.
-    flags : ndarray of int, shape (n,)
-        Receives the side at the end, or the `Exit` of a path that overturned, or that rests without noise (D = 0).
-    """
+    """Write the ends of the characteristics of one point, one for each node of the noise of a step."""
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
@@ -193,12 +152,7 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
 
 @kernel
 def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Write the ends of the nodes of a point (x, v) of a block of equal sides, next to x = 0 or the cut-off.
-
-    `undisturbed` is (angle, time, side): angle and time of the end of the path without noise, and its side at the
-    begin. `segment` is the forcing over the step, `noise` the `Noise` in it, `block` a `KernelBlock`; `ends` (n, 2),
-    angle and velocity, and `flags` (n,), side or `Exit`, are written, `scratch` (4, TERMS) is overwritten.
-    """
+    """Write the ends of the nodes of a point (x, v) of a block of equal sides, next to x = 0 or the cut-off."""
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
     unit, near, particular = _contact_equivalent(x, end, time, side, segment, duration, scratch[2], block)
@@ -216,11 +170,7 @@ def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, end
 
 @kernel
 def _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Write the ends of the nodes of a point (x, v) of a block of unequal sides to `ends` (n, 2) and `flags` (n,).
-
-    Arguments are those of `_near_contact_of_equal_sides`. No slender block has two units: each node is a path of the
-    block itself with the noise in its forcing.
-    """
+    """Write the ends of the nodes of a point (x, v) of a block of unequal sides to `ends` (n, 2) and `flags` (n,)."""
     side, duration = undisturbed[2], noise.duration
     for n in range(len(noise.offsets)):
         add_path_correction(segment.particular, duration, noise.offsets[n, 0], noise.offsets[n, 1], scratch[0])
@@ -247,21 +197,13 @@ _near_contact = dispatch_on_sides(_call_equal_sides, _call_unequal_sides)
 
 @kernel(inline="always")
 def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
-    """Return (unit, block, particular) of a slender block: 1.0, `block` itself, and the coefficients (TERMS,) of its P.
-
-    They are those of the `Segment`; other arguments are for exact blocks, and are not used.
-    """
+    """(unit, block, particular) of a slender block: 1.0, `block` itself, and the coefficients (TERMS,) of its P."""
     return 1.0, block, segment.particular
 
 
 @kernel(inline="always")
 def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block):
-    """Return (unit, block, particular): a slender block, a `KernelBlock`, that moves as an exact one next to x = 0.
-
-    `unit` is that of its angle and velocity, sin α/α, and `particular`, which is `out` (TERMS,), has the coefficients
-    of its particular solution. The path without noise goes from angle x at t = 0 to angle `end` at a `time`; `duration`
-    is that of the step. `segment` is the forcing over the step, `side` the side, ±1; see `_contact_equivalent`.
-    """
+    """Return (unit, block, particular): a slender block, a `KernelBlock`, that moves as an exact one next to x = 0."""
     alpha = block.critical_angle
     unit, level = math.sin(alpha) / alpha, lift_off_level(side, block)
     first = _excess_acceleration(x, side, segment.force[0], unit, block)
@@ -284,11 +226,7 @@ without noise, from its begin to its `end` at a `time`.
 
 @kernel(inline="always")
 def _excess_acceleration(x, side, force, unit, block):
-    """Return the acceleration of an exact block at angle x less that of its slender equivalent next to x = 0, a float.
-
-    `side` is ±1, `force` is f at that time, `block` a `KernelBlock`; `unit`, sin α/α, that of the angle of the slender
-    block. All are nondimensional.
-    """
+    """Return the acceleration of an exact block at angle x less that of its slender equivalent next to x = 0."""
     return side * acceleration(side * x, side, force, block) - (
         x - side * unit + force * math.cos(block.critical_angle)
     )
@@ -296,13 +234,7 @@ def _excess_acceleration(x, side, force, unit, block):
 
 @kernel
 def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
-    """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the begin and at the end.
-
-    A kick is a node times `half`, sqrt(D duration), and the flight between is without noise. The last kick sets a block
-    off from rest unless it `rests`, a bool. Nodes of the same first kick follow each other. `side` is ±1, `segment` is
-    the forcing over the step, `noise` the `Noise` in it; `ends` (n, 2), angle and velocity, and `flags` (n,), side or
-    `Exit`, are written.
-    """
+    """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the begin and at the end."""
     nodes, duration = noise.nodes, noise.duration
     xn, vn, sn, part = x, v, side, force_factor(side * x, side, block)
     for n in range(len(nodes)):
@@ -326,10 +258,7 @@ def _overturned(side):
 
 @kernel
 def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
-    """Write row n of `ends` (nodes, 2), angle and velocity at a path's end, and of `flags` (nodes,), side or `Exit`.
-
-    `x`, `v`, `side` are those at the end; `if_rest` is the flag where the side is 0; `cutoff` the angle of overturning.
-    """
+    """Write row n of `ends` (nodes, 2), angle and velocity at a path's end, and of `flags` (nodes,), side or `Exit`."""
     ends[n, 0], ends[n, 1] = x, v
     flags[n] = if_rest if side == 0 else side
     if abs(x) >= cutoff:
@@ -338,13 +267,7 @@ def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
 
 @kernel
 def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact.
-
-    `undisturbed` is (time, velocity, side, smooth): those of the impact, before it, and whether it is so fast that what
-    noise changes is smooth: then one expansion serves all nodes that arrive within the step. `segment` is the forcing
-    over the step, `noise` the `Noise` in it, `block` a `KernelBlock`; `ends` (n, 2), angle and velocity, and `flags`
-    (n,), side or `Exit`, are written, `scratch` (4, TERMS) is overwritten.
-    """
+    """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact."""
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff
     late, rest = scratch[2], duration - time

@@ -33,29 +33,14 @@ from fpk_rocking.physics.noise.envelope import Envelope
 
 @dataclasses.dataclass(frozen=True)
 class Excess:
-    """What the acceleration of an exact block has beyond that of the affine flights of a step; nondimensional.
-
-    The affine flight is x'' = x + κ (-s sin φ₀/α + f cos φ₀), so that the excess c(x, t) is 0 at zero angle:
-    c = κ [-s (sin φ - sin φ₀)/α + f (cos φ - cos φ₀)] - x, with φ = α (m - s x) and φ₀ = α m. Of equal sides m = κ = 1.
-
-    Parameters
-    ----------
-    block : KernelBlock
-    force : float
-        f half way through the step.
-    shifts : ndarray, shape (3,)
-        What affine flights from (0, 0) have added to the angle half way, with the side as index.
-    """
+    """What the acceleration of an exact block has beyond that of the affine flights of a step; nondimensional."""
 
     block: KernelBlock
     force: float
-    shifts: np.ndarray
+    shifts: np.ndarray  # (3,)
 
     def __call__(self, angles, sides):
-        """Return the excess acceleration c (n, ...) half way through the step, at `angles` (n, ...), nondimensional.
-
-        `sides` (n, ...) are those of the angles, +1 or -1.
-        """
+        """Return the excess acceleration c (n, ...) half way through the step, at `angles` (n, ...), nondimensional."""
         alpha, saddles = self.block.critical_angle, self.block.saddles
         sine, cosine = (_of_sides(sides, [part(alpha * m) for m in saddles]) for part in (math.sin, math.cos))
         phi = tilt_angle(angles, alpha, _of_sides(sides, saddles))
@@ -63,10 +48,7 @@ class Excess:
         return _of_sides(sides, self.block.scales) * (turning - sides * (np.sin(phi) - sine) / alpha) - angles
 
     def force_factors(self, angles, sides):
-        """Return the factors κ cos φ (n, ...) of force and noise in the acceleration, at `angles` (n, ...).
-
-        `sides` (n, ...) are those of the angles, +1 or -1.
-        """
+        """Return the factors κ cos φ (n, ...) of force and noise in the acceleration, at `angles` (n, ...)."""
         saddles, scales = (_of_sides(sides, pair) for pair in (self.block.saddles, self.block.scales))
         return force_factors(angles, self.block.critical_angle, saddles, scales)
 
@@ -78,21 +60,7 @@ def _of_sides(sides, pair):
 
 @dataclasses.dataclass(frozen=True)
 class Dynamics:
-    """Forcing, white noise and block of a scene, as the steps of the density take them; nondimensional.
-
-    Parameters
-    ----------
-    forcing : Forcing
-    diffusion : float
-        D.
-    block : KernelBlock
-    envelope : Envelope, optional
-        g, where the diffusion is D g².
-    least_intensity : float
-        Least g² of a step.
-    origin : float
-        Time of the forcing and of g at which times here are 0.
-    """
+    """Forcing, white noise and block of a scene, as the steps of the density take them; nondimensional."""
 
     forcing: Forcing
     diffusion: float
@@ -115,10 +83,7 @@ class Dynamics:
         return self.forcing.value(time + self.origin)
 
     def averaged_over(self, start, duration):
-        """Return the `Dynamics` with a constant diffusion, over a step from `start` of a `duration`.
-
-        It is the mean of D g² over the step, at least `least_intensity` of D.
-        """
+        """Return the `Dynamics` with a constant diffusion, over a step from `start` of a `duration`."""
         if self.envelope is None:
             return self
         begin, end = self.envelope.squared_integral(np.array([start, start + duration]) + self.origin)
@@ -126,10 +91,7 @@ class Dynamics:
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
     def covariance(self, start, duration):
-        """Return (xx, xv, vv), the covariance of angle and velocity that noise adds to a slender flight over a step.
-
-        The step has a `start` and a `duration`, nondimensional times, and no impact.
-        """
+        """Return (xx, xv, vv), the covariance of angle and velocity that noise adds to a slender flight over a step."""
         if self.envelope is None:
             return flight_covariance(self.diffusion, duration)
         points, weights = gauss_legendre(16)
@@ -139,29 +101,18 @@ class Dynamics:
         return tuple(float(part) for part in accumulated_covariance(weights, late))
 
     def segment(self, start, duration):
-        """Return the forcing over a step from `start` of a `duration`, the named tuple `Segment` that kernels take.
-
-        It has coefficients (TERMS,) of P and f in the time since the start, and bounds of f.
-        """
+        """Return the forcing over a step from `start` of a `duration`, the named tuple `Segment` that kernels take."""
         particular = self.forcing.particular_over(start + self.origin, duration)
         return segment_from_particular(particular, np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Return the flights of both sides, without noise and events, over a `duration` from `start`: `AffineFlights`.
-
-        They are a named tuple of cosh and sinh of the duration, and shifts (3, 2) by side. Of an exact block it is that
-        whose acceleration is right at zero angle; `FreeFlight` adds the rest.
-        """
+        """Return the flights of both sides, without noise and events, over a `duration` from `start`."""
         ends = start, start + duration
         particular = (value for time in ends for value in self.forcing.particular(time + self.origin))
         return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
-        """Return the `Excess` of an exact block over a step, a callable of angles and sides; None of a slender block.
-
-        It is what the acceleration has beyond that of affine flights. The step is from `start` on, of a `duration`,
-        nondimensional.
-        """
+        """`Excess` of an exact block over a step, a callable of angles and sides; None of a slender block."""
         if self.block.critical_angle is None:
             return None
         shifts = self.affine(start, 0.5 * duration).shifts[:, 0]
@@ -184,28 +135,19 @@ class Dynamics:
         return [saddle * lift_off(alpha * saddle) for saddle in self.block.saddles]
 
     def rest_gap(self, time):
-        """Return how far, a float, the force at a `time` is below lift-off to either side; below 0 where it lifts off.
-
-        All are nondimensional.
-        """
+        """Return how far the force at a `time` is below lift-off to either side; below 0 where it lifts off."""
         (left, right), force = self._lift_off_levels, self.force(time)
         return min(right - force, left + force)
 
     def since_lift_off(self, time):
-        """Return (elapsed, slope): time since |f| last rose through a side's level of lift-off, and d|f|/dτ there.
-
-        Both are nondimensional, as seen at `time`; (inf, 0) if the force never did so before.
-        """
+        """Return (elapsed, slope): time since |f| last rose through a side's level of lift-off, and d|f|/dτ there."""
         left, right = self._lift_off_levels
         if left == right:
             return self._since_level(time, right)
         return min(self._since_level(time, left, -1), self._since_level(time, right, 1))
 
     def _since_level(self, time, level, side=None):
-        """Return (elapsed, slope): time since |f| last rose through a `level`, and d|f|/dτ there; (inf, 0) if never.
-
-        It is |f| on `side`, ±1, or on both for None; see `since_lift_off`. All are nondimensional.
-        """
+        """Return (elapsed, slope): time since |f| last rose through a `level`, and d|f|/dτ there; (inf, 0) if never."""
         force, earlier = _forcing_in_units_of(self.forcing, level), 0.0
         while earlier <= time:
             since, slope = force.since_lift_off(time - earlier + self.origin)
@@ -223,10 +165,7 @@ def _forcing_in_units_of(forcing, level):
 
 
 class GaussPoints(NamedTuple):
-    """Gauss points of a mesh: its lines, points (g,), (h,) on [0, 1] in a cell, and their weights.
-
-    The tables hold the shape functions there, (g, modes) and (h, modes).
-    """
+    """Gauss points of a mesh: its lines, points (g,), (h,) on [0, 1] in a cell, and their weights."""
 
     angle_lines: np.ndarray
     velocity_lines: np.ndarray
@@ -240,10 +179,7 @@ class GaussPoints(NamedTuple):
 
 @kernel
 def points_of_cell(i, j, points):
-    """Return (side, angles, velocities) of cell (i, j): ±1, and the places (g,) and (h,) of its Gauss points.
-
-    `points` are the `GaussPoints` of the mesh.
-    """
+    """Return (side, angles, velocities) of cell (i, j): ±1, and the places (g,) and (h,) of its Gauss points."""
     angle, velocity = points.angle_lines, points.velocity_lines
     x = angle[i] + points.angle_points * (angle[i + 1] - angle[i])
     v = velocity[j] + points.velocity_points * (velocity[j + 1] - velocity[j])
@@ -252,13 +188,7 @@ def points_of_cell(i, j, points):
 
 @kernel
 def is_event_free(low, high, slow, fast, side, segment, duration, block, margins):
-    """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return.
-
-    In folded coordinates s x, s v the cell is [low, high] in angle and [slow, fast] in velocity, on the side s, `side`;
-    `margins` (2) are what noise adds to both. A path that passes the cut-off with a velocity that stays positive is
-    beyond it at the end. `segment` is the forcing over the step, a `Segment`, of which bounds enter; `block` is a
-    `KernelBlock`.
-    """
+    """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return."""
     fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
     most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
@@ -271,11 +201,7 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
 
 @kernel
 def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
-    """Return a mask (angle cells, velocity cells) of the cells that an event can reach within a step.
-
-    `margins` (2) are what noise adds to angle and velocity within its `duration`, whose forcing is the `Segment`.
-    `angle_lines`, `velocity_lines` are those of the mesh, `block` is a `KernelBlock`.
-    """
+    """Return a mask (angle cells, velocity cells) of the cells that an event can reach within a step."""
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1

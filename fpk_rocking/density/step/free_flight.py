@@ -47,24 +47,7 @@ from fpk_rocking.physics.motion.slender import SLENDER_CONTACT, flight_shears, s
 
 
 class FreeFlight:
-    """Linear map of densities over one step for the cells that no event can reach, and its adjoint.
-
-    Parameters
-    ----------
-    space : Space
-        Source and target.
-    free : ndarray of bool, shape (angle cells, velocity cells)
-        The cells to fly from.
-    affine : AffineFlights
-    diffusion, duration : float
-        D and the length of the step.
-    nodes : int
-        Gauss-Hermite nodes of the diffusion of the velocity.
-    angle_remap : Remap, optional
-        The shear of the angle, prepared for all cells (`angle_remap_of`); else it is prepared for those that need it.
-    excess : Excess, optional
-        Of an exact block.
-    """
+    """Linear map of densities over one step for the cells that no event can reach, and its adjoint."""
 
     def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, excess=None):
         sinh, shifts = flight_shears(duration)[1], affine.shifts
@@ -134,21 +117,7 @@ class FreeFlight:
         return sum(part.nbytes for remap in own for part in remap)
 
     def apply(self, coefficients, out):
-        """Add the density after the step to `out`, and return the masses that passed the bounds.
-
-        Parameters
-        ----------
-        coefficients : ndarray, shape ``space.shape``
-            Before the step; only the free cells are read.
-        out : ndarray, shape ``space.shape``
-            Coefficients after the step, added to.
-
-        Returns
-        -------
-        ndarray, shape (3,)
-            What passed the cut-off to the left and to the right, and the velocity bound. Nothing passes x = 0: what a
-            projection would put there is clamped to it.
-        """
+        """Add the density after the step to `out`, and return the masses that passed the bounds."""
         limit, across, modes, _ = coefficients.shape
         basis = (1.0,) * modes
         drifted, diffused = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
@@ -162,15 +131,7 @@ class FreeFlight:
         return np.array([overturned[0].sum(), overturned[1].sum(), truncated.sum()])
 
     def apply_adjoint(self, function, exit_values, out):
-        """Write to `out` the coefficients of a function before the step, by those after it: adjoint of `apply` in L2.
-
-        Parameters
-        ----------
-        function, out : ndarray, shape ``space.shape``
-            Coefficients after the step, and before it, of which only those of the free cells are written.
-        exit_values : ndarray, shape (3,)
-            Values of having passed the cut-off to the left and to the right, and the velocity bound.
-        """
+        """Write to `out` the coefficients of a function before the step, by those after it: the L2 adjoint."""
         limit, across, modes, _ = function.shape
         basis = (1.0,) * modes
         diffused, drifted = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
@@ -186,31 +147,18 @@ class FreeFlight:
         )
 
     def _run_on_rows(self, shear, rows, *arguments):
-        """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads.
-
-        The kernel is called as ``shear(begin, stop, rows, *arguments)`` and writes to its arguments; None is returned.
-        """
+        """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads."""
         run_in_parts(shear, len(rows.order), rows, *arguments, seconds=self._shear_seconds)
 
 
 def angle_remap_of(space, affine, diffusion, duration):
-    """Return the `Remap`, a named tuple of matrices, of both shears of the angle for all cells of a `Space`.
-
-    It serves all flights of a `duration` that differ from `affine`, `AffineFlights`, in a constant force alone: that
-    moves the velocity between the two shears of the angle, and neither of these. `diffusion` is D.
-    """
+    """Return the `Remap`, a named tuple of matrices, of both shears of the angle for all cells of a `Space`."""
     sides, shears, _, spread, nodes, weights = _angle_shears(space, affine, diffusion, duration)
     return prepare_remap(space.angle_lines, sides, shears, spread, nodes, weights, space.degree, sides)
 
 
 def _angle_shears(space, affine, diffusion, duration, laws=SLENDER_CONTACT):
-    """Return (bounds, shifts, drift, spread, nodes, weights), what `prepare_remap` needs for a shear of the angle.
-
-    They are for all cells of a `Space`: bounds (rows, 2) of the rows, shifts (rows, lines) of their lines, the
-    forcing's part of these by side (a dict), how far the lines are diffused per node (rows, lines), nodes (n,) of the
-    diffusion and their weights (n,). `affine`: `AffineFlights`; `diffusion`: D; `duration` of the step; `laws`: a
-    `ContactLaw` by side.
-    """
+    """Return (bounds, shifts, drift, spread, nodes, weights), what `prepare_remap` needs for a shear of the angle."""
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
     most = max(law.noise for law in laws.values())
@@ -230,10 +178,7 @@ def _line_points(lines, points):
 
 
 def rows_along_angle(cells, middle):
-    """Return a mask (2 velocity cells, angle cells), one row a side and velocity cell, from a mask (angle, velocity).
-
-    `cells` is that mask. The rows of x < 0 come first; `middle` is the first angle cell with x > 0.
-    """
+    """Mask (2 velocity cells, angle cells), one row a side and velocity cell, from a mask (angle, velocity)."""
     rows = np.concatenate([cells.T, cells.T])
     rows[: cells.shape[1], middle:] = False
     rows[cells.shape[1] :, :middle] = False
@@ -241,10 +186,7 @@ def rows_along_angle(cells, middle):
 
 
 def join_sides(rows):
-    """Return a mask (velocity cells, angle cells) from one by rows along the angle, (2 velocity cells, angle cells).
-
-    It is the inverse of `rows_along_angle`, but for the order of the axes.
-    """
+    """Return a mask (velocity cells, angle cells) from one by rows along the angle, (2 velocity cells, angle cells)."""
     left, right = np.split(rows, 2)
     return left | right
 
@@ -269,10 +211,7 @@ def union(first, second):
 
 
 def balanced_order(ranges):
-    """Return the indices of the rows whose range (rows, 2) is not empty, in a balanced order, (n,).
-
-    Equal parts of it take about equal time.
-    """
+    """Return the indices of the rows whose range (rows, 2) is not empty, in a balanced order, (n,)."""
     rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
     return np.concatenate([rows[::2], rows[1::2]])
 
@@ -285,10 +224,7 @@ def _slender_displaced(x, v, side, time, displacement, segment, block):  # noqa:
 
 @kernel
 def _exact_displaced(x, v, side, time, displacement, segment, block):
-    """Return (x, v), angle and velocity of an exact block on `side`, ±1, displaced at a `time` of a `Segment`.
-
-    `displacement` is that of `displaced`, a square of a time; `block` is a `KernelBlock`. All are nondimensional.
-    """
+    """Return (x, v), angle and velocity of an exact block on `side`, ±1, displaced at a `time` of a `Segment`."""
     u, (force, slope) = side * x, value_and_slope(segment.force, time)
     excess = acceleration(u, side, force, block) - acceleration(0.0, side, force, block) - u
     gradient = acceleration_gradient(u, side, force, block) - 1.0

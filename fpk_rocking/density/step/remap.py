@@ -17,57 +17,19 @@ from fpk_rocking.density.tuning import TUNING
 
 
 class Remap(NamedTuple):
-    """Matrices of a remap; the index of a target cell c in row r is ``origin[r] + c``, one line may serve all.
+    """Matrices of a remap; the index of a target cell c in row r is ``origin[r] + c``, one line may serve all."""
 
-    A row is one of cells along an axis, a line one of its Gauss points across. Values are those at Gauss points.
-
-    Parameters
-    ----------
-    origin : ndarray of int, shape (rows,)
-        See above.
-    first, count, start : ndarray of int, shape (target cells, lines)
-        First source cell of a target cell, their number, and the place of the first one's block.
-    blocks : ndarray, shape (n, modes, modes)
-        Values at the Gauss points of the source to those of the target.
-    end_places : ndarray of int, shape (rows, 2)
-        Place in `end_masses` for the lower and the upper end, -1 where nothing passes it.
-    end_masses : ndarray, shape (m, lines, cells, modes)
-        Mass that a value at a Gauss point of a cell sends past the end, per mass of the lines across.
-    """
-
-    origin: np.ndarray
-    first: np.ndarray
-    count: np.ndarray
-    start: np.ndarray
-    blocks: np.ndarray
-    end_places: np.ndarray
-    end_masses: np.ndarray
+    origin: np.ndarray  # (rows,)
+    first: np.ndarray  # (target cells, lines)
+    count: np.ndarray  # (target cells, lines)
+    start: np.ndarray  # (target cells, lines)
+    blocks: np.ndarray  # (n, modes, modes)
+    end_places: np.ndarray  # (rows, 2)
+    end_masses: np.ndarray  # (m, lines, cells, modes)
 
 
 def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):
-    """Return the `Remap` of rows of cells whose lines shift and are diffused by Gauss-Hermite nodes, exactly.
-
-    Parameters
-    ----------
-    lines : ndarray, shape (cells + 1,)
-        Mesh lines that cut each line, nondimensional angles or velocities; lines go through Gauss points across.
-    bounds : ndarray of int, shape (rows, 2)
-        First cell and the one after the last that a row runs through.
-    shifts : ndarray, shape (rows, lines)
-        How far each line moves.
-    spreads : ndarray, shape (rows, lines)
-        Standard deviation, or part of it, by which the nodes of each line are multiplied.
-    nodes, weights : ndarray, shape (n,)
-        Nodes of the diffusion, ascending, and their weights.
-    degree : int
-        Polynomial degree.
-    source : ndarray of int, shape (rows, 2)
-        Active cells: first, and the one after the last.
-
-    Returns
-    -------
-    Remap
-    """
+    """Return the `Remap` of rows of cells whose lines shift and are diffused by Gauss-Hermite nodes, exactly."""
     target = target_range(lines, bounds, shifts, spreads, nodes, source)
     sizes = target[:, 1] - target[:, 0]
     origin = np.cumsum(sizes) - sizes - target[:, 0]
@@ -90,10 +52,7 @@ def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source
 
 @kernel
 def cells_in_interval(lines, bounds, low, high):
-    """Return (first, last): indices of the first and the last cell of a row that overlap an interval [low, high].
-
-    `lines` (cells + 1,) are the mesh lines, `bounds` (2,) the row's first cell and the one after the last.
-    """
+    """Return (first, last): indices of the first and the last cell of a row that overlap an interval [low, high]."""
     first = min(max(np.searchsorted(lines, low, side="right") - 1, bounds[0]), bounds[1] - 1)
     last = min(max(np.searchsorted(lines, high, side="left") - 1, bounds[0]), bounds[1] - 1)
     return first, last
@@ -101,12 +60,7 @@ def cells_in_interval(lines, bounds, low, high):
 
 @kernel
 def target_range(lines, bounds, shifts, spreads, nodes, source):
-    """Return ranges (rows, 2), first cell and one past the last, of the cells that a remap's sources reach.
-
-    `lines` (cells + 1,) are mesh lines, `bounds` and `source` (rows, 2) ranges of cells of a row and of the active ones
-    in it, `shifts` and `spreads` (rows, lines), or (1, lines) for all rows, how far lines move and are diffused per
-    node, and `nodes` (n,) ascending those of the diffusion.
-    """
+    """Return ranges (rows, 2), first cell and one past the last, of the cells that a remap's sources reach."""
     target = np.zeros((len(source), 2), np.int64)
     for r in range(len(source)):
         if source[r, 1] > source[r, 0]:
@@ -120,12 +74,7 @@ def target_range(lines, bounds, shifts, spreads, nodes, source):
 
 @kernel
 def source_cells(lines, shifts, spreads, nodes, source, target, origin):
-    """Return (first, count), ints (target cells, lines): first source cell of every target cell, and their number.
-
-    `lines` (cells + 1,) are mesh lines, `source` and `target` (rows, 2) ranges of cells, `shifts` and `spreads` (rows,
-    lines) how far lines move and are diffused per node, `nodes` (n,) ascending those of the diffusion, and `origin`
-    (rows,) that of `Remap`.
-    """
+    """Return (first, count), ints (target cells, lines): first source cell of every target cell, and their number."""
     cells = (target[:, 1] - target[:, 0]).sum()
     first = np.zeros((cells, shifts.shape[1]), np.int64)
     count = np.zeros((cells, shifts.shape[1]), np.int64)
@@ -141,11 +90,7 @@ def source_cells(lines, shifts, spreads, nodes, source, target, origin):
 
 @kernel
 def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
-    """Return `Remap.end_places`: numbers (rows, 2), from 0 by row, of the ends that sources pass, -1 for the others.
-
-    `lines` (cells + 1,): mesh lines. `bounds`, `source` (rows, 2): half-open ranges of cells of a row, of its active
-    ones. `shifts`, `spreads` (rows, q): of its q Gauss points across, per unit of `nodes` (n,), ascending.
-    """
+    """Return `Remap.end_places`: numbers (rows, 2), from 0 by row, of the ends that sources pass, -1 for the others."""
     places = np.full((len(source), 2), -1, np.int64)
     number = 0
     for r in range(len(source)):
@@ -163,11 +108,7 @@ def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
 
 @kernel
 def add_integral(start, stop, left, right, weight, points, point_weights, out):
-    """Add to `out` (modes,) `weight` times the integrals over [start, stop] of a cell's shape functions.
-
-    The cell is [left, right]; `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]. Nothing is added where
-    stop is not above start.
-    """
+    """Add to `out` (modes,) `weight` times the integrals over [start, stop] of a cell's shape functions."""
     for q in range(len(points) if stop > start else 0):
         here = legendre_at(2.0 * (start + points[q] * (stop - start) - left) / (right - left) - 1.0)
         for k in range(len(out)):
@@ -176,12 +117,7 @@ def add_integral(start, stop, left, right, weight, points, point_weights, out):
 
 @kernel
 def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, basis):
-    """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions.
-
-    One, the row, is of the source cell [left, right], one of the target cell [low, high], its argument moved by
-    `shift`. `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]. `basis`: a tuple of length modes, for the
-    compiler.
-    """
+    """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions."""
     here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
     for q in range(len(points)):
         x = start + points[q] * (stop - start)
@@ -195,10 +131,7 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
 
 @kernel
 def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
-    """Add integrals of row r to `blocks` and `end_masses` of a `Remap`, see `fill_blocks` for the arguments.
-
-    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]; `bounds` and `source` (rows, 2) are ranges of cells.
-    """
+    """Add integrals of row r to `blocks` and `end_masses` of a `Remap`, see `fill_blocks` for the arguments."""
     origin, first, start, blocks = remap.origin, remap.first, remap.start, remap.blocks
     places, masses = remap.end_places, remap.end_masses
     floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
@@ -232,12 +165,7 @@ def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_w
 def fill_blocks(
     begin, end, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis
 ):
-    """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a `Remap`.
-
-    It does so for the rows from `begin` to `end`, with `lines` (cells + 1,), `bounds` and `source` (rows, 2) ranges of
-    cells, `shifts` and `spreads` (rows, lines) as in `prepare_remap`, `nodes` and `weights` (n,) of the diffusion.
-    `points`, `point_weights` are a Gauss-Legendre rule on [0, 1]; `basis`: a tuple of length modes, for the compiler.
-    """
+    """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a `Remap`."""
     lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap = borrowed(
         (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap)
     )
@@ -247,11 +175,7 @@ def fill_blocks(
 
 @kernel
 def _block_to_point_values(b, moments, values, blocks, half, basis):
-    """Turn block b of `blocks` (n, modes, modes) from moments to values at Gauss points, in place.
-
-    `values` (points, modes) are the shape functions there, `moments` the same times the points' weights; `half` (modes,
-    modes) is overwritten. `basis`: a tuple of length modes, for the compiler.
-    """
+    """Turn block b of `blocks` (n, modes, modes) from moments to values at Gauss points, in place."""
     modes = len(basis)
     for k in range(modes):
         for i in range(modes):
@@ -269,12 +193,7 @@ def _block_to_point_values(b, moments, values, blocks, half, basis):
 
 @kernel
 def blocks_to_point_values(begin, end, moments, values, blocks, basis):
-    """Turn the blocks from `begin` to `end`, in place, from moments to values at Gauss points.
-
-    `blocks` (n, modes, modes) before are matrices from moments to moments, after from values to values. `values`
-    (points, modes) are the shape functions at the points, `moments` the same times the points' weights. `basis`: a
-    tuple of length modes, for the compiler.
-    """
+    """Turn the blocks from `begin` to `end`, in place, from moments to values at Gauss points."""
     moments, values, blocks = borrowed((moments, values, blocks))
     half = np.empty(values.shape)
     for b in range(begin, end):

@@ -9,11 +9,7 @@ _line_sums = scratch(1, MOST_MODES)
 
 @kernel(fastmath=FASTMATH)
 def remap_row(r, values, source, target, remap, moved, basis):
-    """Write to `moved` the values (cells, lines, modes) of the target cells of row r by `values` of its source cells.
-
-    `values` has the same shape. `source`, `target`: first cell of each and the one after the last; `remap`: a `Remap`.
-    `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `moved` (cells, lines, modes) the target cells of row r by `values` of its source cells."""
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
     base, sums = origin[min(r, len(origin) - 1)], _line_sums()
@@ -37,11 +33,7 @@ def remap_row(r, values, source, target, remap, moved, basis):
 
 @kernel(fastmath=FASTMATH)
 def adjoint_remap_row(r, values, source, target, remap, moved, basis):
-    """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r.
-
-    It is the adjoint of `remap_row`. `source`, `target`: first cell of each and the one after the last; `remap`: a
-    `Remap`. `basis`: a tuple of length modes, for the compiler.
-    """
+    """Add to `moved` values (cells, lines, modes) of source cells by `values` of target cells of row r."""
     origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
     modes, shared = len(basis), first.shape[1] == 1
     base = origin[min(r, len(origin) - 1)]
@@ -62,11 +54,7 @@ def adjoint_remap_row(r, values, source, target, remap, moved, basis):
 
 @kernel(fastmath=FASTMATH)
 def mass_past_end(r, end, values, source, remap, masses):
-    """Write `masses` (lines,) of row r that pass an end, per size of their cells across; return whether any does.
-
-    `end`: 0 or 1 for the lower or the upper one; `values` (cells, lines, modes), those at Gauss points; `source`: first
-    active cell and the one after the last; `remap`: a `Remap`.
-    """
+    """Write `masses` (lines,) of row r that pass an end, per size of their cells across; return whether any does."""
     place = remap.end_places[min(r, len(remap.end_places) - 1), end]
     if place < 0:
         return False
@@ -82,11 +70,7 @@ def mass_past_end(r, end, values, source, remap, masses):
 
 @kernel(fastmath=FASTMATH)
 def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
-    """Add to `moved` (cells, lines, modes) what passes an end of row r times `exit_values` (lines,).
-
-    It is the adjoint of `mass_past_end`. `end`: 0 or 1 for the lower or the upper one; `source`: first active cell and
-    the one after the last; `remap`: a `Remap`.
-    """
+    """Add to `moved` (cells, lines, modes) what passes an end of row r times `exit_values` (lines,)."""
     place = remap.end_places[min(r, len(remap.end_places) - 1), end]
     if place < 0:
         return
@@ -100,11 +84,7 @@ def adjoint_mass_past_end(r, end, exit_values, source, remap, moved):
 
 @kernel(fastmath=FASTMATH)
 def clamp_to_end(end, masses, target, edges, sizes, moved):
-    """Add `masses` (lines,) that passed an end of a row to its last cell in `moved`, at that end (boundary clamp).
-
-    `end`: 0 or 1 for the lower or the upper one; `target`: the row's first cell and the one after the last; `edges` (2,
-    modes): what a mass at an end of a cell adds to its values; `sizes` (cells,); `moved` (cells, lines, modes).
-    """
+    """Add `masses` (lines,) that passed an end of a row to its last cell in `moved`, at that end (boundary clamp)."""
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(masses)):
         for i in range(len(masses)):
@@ -113,11 +93,7 @@ def clamp_to_end(end, masses, target, edges, sizes, moved):
 
 @kernel(fastmath=FASTMATH)
 def adjoint_clamp_to_end(end, values, target, edges, sizes, end_values):
-    """Write to `end_values` (lines,) those of a function at an end of a row, from `values` of its cells.
-
-    It is the adjoint of `clamp_to_end`. `end`: 0 or 1; `values` (cells, lines, modes); `target`: the row's first cell
-    and the one after the last; `edges` (2, modes), `sizes` (cells,): as there.
-    """
+    """Write to `end_values` (lines,) those of a function at an end of a row, from `values` of its cells."""
     cell = target[0] if end == 0 else target[1] - 1
     for q in range(len(end_values)):
         end_values[q] = 0.0

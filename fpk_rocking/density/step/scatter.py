@@ -27,11 +27,7 @@ class SourceCells(NamedTuple):
 
 
 class AffinePaths(NamedTuple):
-    """Paths of cells without events: affine flights, and offsets (n, 2) and weights (n,) of the nodes of the noise.
-
-    The flights are the cosh and sinh of the duration and shifts (3, 2), by side, of angle and velocity, as are the
-    offsets.
-    """
+    """Paths of cells without events: affine flights, and offsets (n, 2) and weights (n,) of the nodes of the noise."""
 
     cosh: float
     sinh: float
@@ -41,11 +37,7 @@ class AffinePaths(NamedTuple):
 
 
 class Chunks(NamedTuple):
-    """Chunks of a scatter, each of which writes to a buffer of its own.
-
-    `columns` (chunks, 4): source columns from, to; target columns from, to. `buffers` (chunks, target cells, modes²).
-    `absorbed` (chunks, 3 or 4): masses that took an `Exit`: left, right, truncated, at rest.
-    """
+    """Chunks of a scatter, each of which writes to a buffer of its own."""
 
     columns: np.ndarray
     buffers: np.ndarray
@@ -54,11 +46,7 @@ class Chunks(NamedTuple):
 
 @kernel
 def scatter_point(target, amount, xi, eta, basis):
-    """Add a mass `amount` times the shape functions at a point to `target` (modes²,), unknowns of one cell.
-
-    `xi`, `eta` are its reference coordinates, -1 to 1, in angle and velocity; `basis`: a tuple of length modes, for the
-    compiler.
-    """
+    """Add a mass `amount` times the shape functions at a point to `target` (modes²,), unknowns of one cell."""
     modes = len(basis)
     along, across = legendre_at(xi), legendre_at(eta)
     for a in range(modes):
@@ -69,11 +57,7 @@ def scatter_point(target, amount, xi, eta, basis):
 
 @kernel
 def point_masses(cell, area, points, rows, values, basis):
-    """Write to `values` (g, h) the masses of the Gauss points of a cell, by its coefficients `cell` (modes, modes).
-
-    `area` is the cell's, `points` are `GaussPoints`, g in angle and h in velocity; `rows` (modes, h) is overwritten.
-    `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `values` (g, h) the masses of the Gauss points of a cell, by its coefficients `cell` (modes, modes)."""
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
     angle_weights, velocity_weights = points.angle_weights, points.velocity_weights
@@ -93,10 +77,7 @@ def point_masses(cell, area, points, rows, values, basis):
 
 @kernel
 def project_point_values(values, points, rows, out, basis):
-    """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) of a function at its `GaussPoints`.
-
-    It is the L2 projection; `rows` (g, modes) is overwritten. `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `out` (modes, modes) the coefficients of a cell by `values` (g, h) at its `GaussPoints`."""
     modes = len(basis)
     angle_table, velocity_table = points.angle_table, points.velocity_table
     angle_weights, velocity_weights = points.angle_weights, points.velocity_weights
@@ -116,12 +97,7 @@ def project_point_values(values, points, rows, out, basis):
 
 @kernel(fastmath=FASTMATH)
 def scatter_affine_cell(values, paths, side, x, v, angle_search, velocity_search, buffer, absorbed, basis):
-    """Add the point masses `values` (g, h) of a cell without events to `buffer` and `absorbed`.
-
-    `paths`: `AffinePaths`; `side`, ±1, is the cell's; x (g,) and v (h,) are its Gauss points. The searches are the
-    `CellSearch` of the target mesh; `buffer` (target cells, modes²) holds its unknowns, `absorbed` (3,) the masses by
-    `Exit`: left, right, truncated. `basis`: a tuple of length modes, for the compiler.
-    """
+    """Add the point masses `values` (g, h) of a cell without events to `buffer` and `absorbed`."""
     affine, offsets, node_weights = (paths.cosh, paths.sinh, paths.shifts[side]), paths.offsets, paths.weights
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
@@ -151,13 +127,7 @@ def _scatter_chunk(
     source_basis,
     basis,
 ):
-    """Scatter the density `source` (its space's shape) in the columns of one chunk to the chunk's buffer.
-
-    `columns` (4,), `buffer` (target cells, modes²) and `absorbed` (3 or 4,) are the chunk's part of `Chunks`, the last
-    two overwritten. `cells`: `SourceCells`; `points`: `GaussPoints`; `targets`: `Targets` of the traced cells;
-    `affine`: `AffinePaths` of the others; both searches: `CellSearch` of the target mesh. The lengths of `source_basis`
-    and `basis` tell the compiler the numbers of modes.
-    """
+    """Scatter the density `source` (its space's shape) in the columns of one chunk to the chunk's buffer."""
     across = len(velocity_search.scales)
     absorbed[:] = 0.0
     buffer[columns[2] * across : columns[3] * across] = 0.0
@@ -186,25 +156,7 @@ def _scatter_chunk(
 def scatter(
     begin, end, source, cells, points, targets, affine, angle_search, velocity_search, chunks, source_basis, basis
 ):
-    """Scatter the density of some cells to the buffers of the chunks from `begin` to `end`.
-
-    Parameters
-    ----------
-    source : ndarray, shape (angle cells, velocity cells, modes, modes)
-        Coefficients.
-    cells : SourceCells
-    points : GaussPoints
-    targets : Targets
-        Of the traced cells.
-    affine : AffinePaths
-        Of all others.
-    angle_search, velocity_search : CellSearch
-        Of the target mesh.
-    chunks : Chunks
-        Buffers and absorbed masses are overwritten.
-    source_basis, basis : tuple, shape (modes,)
-        Of source and target: their lengths tell the compiler the numbers of modes.
-    """
+    """Scatter the density of some cells to the buffers of the chunks from `begin` to `end`."""
     source, cells, points, targets, affine, angle_search, velocity_search, chunks = borrowed(
         (source, cells, points, targets, affine, angle_search, velocity_search, chunks)
     )
@@ -217,10 +169,7 @@ def scatter(
 
 @kernel
 def sum_buffers(buffers, columns, areas, out):
-    """Write to `out`, coefficients (angle cells, velocity cells, modes, modes), the sum of the chunks' buffers.
-
-    It is divided by the cells' `areas` (angle cells, velocity cells); `buffers` and `columns` are those of `Chunks`.
-    """
+    """Write to `out`, coefficients (angle cells, velocity cells, modes, modes), the sum of the chunks' buffers."""
     across, modes = out.shape[1], out.shape[2]
     out[:] = 0.0
     for k in range(len(columns)):
@@ -233,29 +182,7 @@ def sum_buffers(buffers, columns, areas, out):
 
 @kernel
 def gather(begin, end, function, exit_values, points, numbers, targets, node_weights, cells, out, source_basis, basis):
-    """Write coefficients of a function before the step by those after it: adjoint of `scatter` in cells with events.
-
-    It does so for the source cells from number `begin` to `end`.
-
-    Parameters
-    ----------
-    function : ndarray, shape (target angle cells * target velocity cells, modes²)
-        Coefficients after the step.
-    exit_values : ndarray, shape (3,)
-        Values of having overturned to the left, to the right, and of truncation.
-    points : GaussPoints
-    numbers : ndarray of int, shape (angle cells, velocity cells)
-        Of the cells in `targets`.
-    targets : Targets
-    node_weights : ndarray, shape (n,)
-        Of the nodes of the noise.
-    cells : ndarray of int, shape (m, 2)
-        Source cells, by their indices, whose coefficients are written.
-    out : ndarray, shape of the source's coefficients
-        Coefficients before the step; only `cells` are written.
-    source_basis, basis : tuple, shape (modes,)
-        As in `scatter`.
-    """
+    """Write coefficients of a function before the step by those after it: adjoint of `scatter` in cells with events."""
     function, exit_values, points, numbers, targets, node_weights, cells, out = borrowed(
         (function, exit_values, points, numbers, targets, node_weights, cells, out)
     )

@@ -21,12 +21,7 @@ from fpk_rocking.density.step.targets import FASTMATH
 
 
 class LineTables(NamedTuple):
-    """Tables of a mesh for its lines of Gauss points.
-
-    `to_values`, `to_coefficients` (modes, modes): from coefficients to values at the Gauss points, and back. `weights`
-    (modes,) of the points. `ends` (2, modes): what a mass at the lower and the upper end of a cell adds to
-    its values. `angle_sizes`, `velocity_sizes`: of the cells.
-    """
+    """Tables of a mesh for its lines of Gauss points."""
 
     to_values: np.ndarray
     to_coefficients: np.ndarray
@@ -37,11 +32,7 @@ class LineTables(NamedTuple):
 
 
 class AngleRows(NamedTuple):
-    """Rows of one shear of the angle: their order, and their ranges (rows, 2) of source and target cells.
-
-    A row is that of the cells of one side and one velocity cell: row `side * velocity cells + velocity cell`, side 0 or
-    1. `order` (n,) has those that are not empty; a range is the first cell and one past the last.
-    """
+    """Rows of one shear of the angle: their order, and their ranges (rows, 2) of source and target cells."""
 
     order: np.ndarray
     sources: np.ndarray
@@ -59,11 +50,7 @@ class VelocityRows(NamedTuple):
 
 @kernel(fastmath=FASTMATH)
 def _write_row(t, moved, target, out, basis):
-    """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction.
-
-    Both are values at Gauss points. `target`: its first cell and the one after the last; `out` (cells, rows, modes,
-    lines). `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction."""
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
             for i in range(len(basis)):
@@ -72,11 +59,7 @@ def _write_row(t, moved, target, out, basis):
 
 @kernel
 def _read_row(t, values, target, out, basis):
-    """Read row t to `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`.
-
-    `target`: its first cell and the one after the last; `values` (cells, rows, modes, lines). `basis`: a tuple of
-    length modes, for the compiler.
-    """
+    """Read row t to `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`."""
     for c in range(target[0], target[1]):
         for q in range(len(basis)):
             for i in range(len(basis)):
@@ -85,10 +68,7 @@ def _read_row(t, values, target, out, basis):
 
 @kernel(fastmath=FASTMATH)
 def _transform(cell, table, out, basis):
-    """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b].
-
-    `cell`, `table` and `out`, which is written, are (modes, modes); `basis`: a tuple of length modes, for the compiler.
-    """
+    """Apply a table to both axes of a cell and exchange them: out[j, i] = sum of table[j, b] table[i, a] cell[a, b]."""
     modes = len(basis)
     for j in range(modes):
         for i in range(modes):
@@ -104,10 +84,7 @@ def _transform(cell, table, out, basis):
 
 @kernel
 def _integral_across(masses, weights, size):
-    """Return the mass, a float, that values `masses` (modes,) at the Gauss points across a cell of a `size` stand for.
-
-    `weights` (modes,) are those of the points.
-    """
+    """Return the mass that values `masses` (modes,) at the Gauss points across a cell of a `size` stand for."""
     total = 0.0
     for q in range(len(masses)):
         total += masses[q] * weights[q]
@@ -116,12 +93,7 @@ def _integral_across(masses, weights, size):
 
 @kernel
 def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
-    """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle.
-
-    `values` of the same shape: before it; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. What passes
-    the cut-off is added to `overturned` (2, velocity cells), what passes x = 0 is clamped to it. `basis`: a tuple of
-    length modes, for the compiler.
-    """
+    """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle."""
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, masses = r // across, r % across, np.zeros(len(basis))
     remap_row(r, values, source, target, remap, moved, basis)
@@ -135,12 +107,7 @@ def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
 
 @kernel
 def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved, basis):
-    """Add to `moved` the values (cells, lines, modes) of a function on row r before a shear of the angle.
-
-    Adjoint of `_shear_angle_row`: `values` (cells, lines, modes) are those after it, `exit_values` (2,) those of having
-    passed the cut-off to the left and to the right. `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`.
-    `basis`: a tuple of length modes, for the compiler.
-    """
+    """Add to `moved` the values (cells, lines, modes) of a function on row r before a shear of the angle."""
     source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
     column, j, end_values = r // across, r % across, np.zeros(len(basis))
     adjoint_remap_row(r, values, source, target, remap, moved, basis)
@@ -154,12 +121,7 @@ def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved,
 
 @kernel
 def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
-    """Write to `out` the values of row r (side, velocity cell) after the first shear of the angle.
-
-    `coefficients` (the space's shape) are those before it in the cells of the mask `free`. `out`: values (angle cells,
-    velocity cells, modes, modes) at Gauss points; `rows`: `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. Masses
-    past the cut-off are added to `overturned` (2, velocity cells). `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `out` the values of row r (side, velocity cell) after the first shear of the angle."""
     (limit, across), modes = free.shape, len(basis)
     j, source = r % across, rows.sources[r]
     values, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
@@ -172,13 +134,7 @@ def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned
 
 @kernel
 def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out, overturned, basis):
-    """Write to `out` values (angle cells, velocity cells, modes, modes) at Gauss points after the first shear.
-
-    The modes are points in angle, and in velocity. It does so for places `begin` to `stop` in the order of `AngleRows`,
-    from `coefficients` (the space's shape) before it in the cells of the mask `free`. Masses that passed the cut-off,
-    which do not return, are added to `overturned` (2, velocity cells). `remap`: `Remap`; `tables`: `LineTables`;
-    `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `out` values (angle cells, velocity cells, modes, modes) at Gauss points after the first shear."""
     rows, coefficients, free, remap, tables, out, overturned = borrowed(
         (rows, coefficients, free, remap, tables, out, overturned)
     )
@@ -189,13 +145,7 @@ def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out,
 
 @kernel
 def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, exit_values, out, basis):
-    """Write to `out` the coefficients of a function in the free cells, by values after the first shear.
-
-    Adjoint of `first_angle_shear`: `values` have the shape of its `out`, `free` is the mask of the cells and
-    `exit_values` (2,) are those of having passed the cut-off to the left and to the right. It does so for places
-    `begin` to `stop` in the order of `AngleRows`; `remap`: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length
-    modes, for the compiler.
-    """
+    """Write to `out` the coefficients of a function in the free cells, by values after the first shear."""
     rows, values, free, remap, tables, exit_values, out = borrowed(
         (rows, values, free, remap, tables, exit_values, out)
     )
@@ -214,12 +164,7 @@ def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, ex
 
 @kernel
 def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
-    """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass.
-
-    `values` (velocity cells, modes, modes) are those of the row before, `out` (velocity cells, angle cells, modes,
-    modes) is that of `velocity_shear`. `rows`: `VelocityRows`; both remaps: `Remap`; `tables`: `LineTables`. `basis`: a
-    tuple of length modes, for the compiler.
-    """
+    """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass."""
     (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
     source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
     now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
@@ -236,13 +181,7 @@ def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out,
 
 @kernel
 def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
-    """Write values after shear and diffusion of the velocity to `out` (velocity cells, angle cells, modes, modes).
-
-    It does so for places `begin` to `stop` in the order of `VelocityRows`, whose rows are angle cells. `values` (angle
-    cells, velocity cells, modes, modes) are those of `first_angle_shear`; both remaps: `Remap`; `tables`: `LineTables`.
-    The masses that passed the velocity bound are written to `truncated` (angle cells,). `basis`: a tuple of length
-    modes, for the compiler.
-    """
+    """Write values after shear and diffusion of the velocity to `out` (velocity cells, angle cells, modes, modes)."""
     rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
     )
@@ -253,13 +192,7 @@ def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, t
 
 @kernel
 def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
-    """Write to `out` (angle cells, velocity cells, modes, modes) a function before shear and diffusion of the velocity.
-
-    It is given by values at Gauss points. Adjoint of `velocity_shear`, for places `begin` to `stop` in the order of
-    `VelocityRows`: `values` (velocity cells, angle cells, modes, modes) are those after, and `exit_value` is that of
-    having passed the velocity bound. Both remaps: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length modes,
-    for the compiler.
-    """
+    """Write to `out` (x cells, v cells, modes, modes) a function before shear and diffusion of the velocity."""
     rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
         (rows, values, velocity_remap, diffusion_remap, tables, out)
     )
@@ -280,12 +213,7 @@ def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_
 
 @kernel
 def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
-    """Add to `out`, coefficients in the space's shape, those of row r (side, velocity cell) after the last shear.
-
-    `values` (velocity cells, angle cells, modes, modes) are those before it at Gauss points. `rows`: `AngleRows`;
-    `remap`: `Remap`; `tables`: `LineTables`. Masses past the cut-off are added to `overturned` (2, velocity cells).
-    `basis`: a tuple of length modes, for the compiler.
-    """
+    """Add to `out`, coefficients in the space's shape, those of row r (side, velocity cell) after the last shear."""
     (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
     j = r % across
     moved, cell = np.zeros((limit, modes, modes)), np.zeros((modes, modes))
@@ -299,12 +227,7 @@ def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
 
 @kernel
 def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, basis):
-    """Add coefficients after the last shear to `out` (the space's shape), masses past the cut-off to `overturned`.
-
-    `overturned` is (2, velocity cells), left and right. It does so for places `begin` to `stop` in the order of
-    `AngleRows`; `values` (velocity cells, angle cells, modes, modes) are those of `velocity_shear`. `remap`: `Remap`;
-    `tables`: `LineTables`; `basis`: a tuple of length modes, for the compiler.
-    """
+    """Add coefficients after the last shear to `out` (the space's shape), masses past the cut-off to `overturned`."""
     rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
     for n in range(begin, stop):
         r = rows.order[n]
@@ -313,12 +236,7 @@ def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, 
 
 @kernel
 def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_values, out, basis):
-    """Write to `out` (velocity cells, angle cells, modes, modes) a function's values before the last shear.
-
-    Adjoint of `last_angle_shear`, for places `begin` to `stop` in the order of `AngleRows`: `function` are the
-    coefficients after it, in the space's shape, `exit_values` (2,) are those of having passed the cut-off to the left
-    and to the right. `remap`: `Remap`; `tables`: `LineTables`. `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `out` (velocity cells, angle cells, modes, modes) a function's values before the last shear."""
     rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
     (across, limit), modes = out.shape[:2], len(basis)
     for n in range(begin, stop):

@@ -29,12 +29,7 @@ _four_polynomials = scratch(4, TERMS)
 
 @kernel
 def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
-    """Write `ends` (g, h, n, 2) and `flags` (g, h, n) of the paths of cell (i, j), see `trace_cells`.
-
-    They are angle and velocity at the end, and the side there or an `Exit`, for g, h Gauss points and n nodes of the
-    noise. `points`: `GaussPoints`; `segment`: the forcing over the step, a `Segment`; `block`: a `KernelBlock`;
-    `noise`: the `Noise` in it; `displacement`: as of `trace_cells`.
-    """
+    """Write `ends` (g, h, n, 2) and `flags` (g, h, n) of the paths of cell (i, j), see `trace_cells`."""
     scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
     for p in range(len(x)):
         for q in range(len(v)):
@@ -46,12 +41,7 @@ def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
 
 @kernel
 def _displace_back(segment, block, duration, displacement, ends, flags):
-    """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1.
-
-    `displacement`, the squared time ≥ 0 that `trace_cells` has added, is taken off here, see `displaced`. `block`: a
-    `KernelBlock`. `segment` is the forcing over the step of a `duration`, a `Segment`. What is past the cut-off then
-    has overturned: its flag becomes an `Exit`. Rows with other flags stay.
-    """
+    """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1."""
     for n in range(len(ends)):
         side = flags[n]
         if abs(side) == 1:
@@ -61,41 +51,14 @@ def _displace_back(segment, block, duration, displacement, ends, flags):
 
 @kernel
 def _trace_all(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
-    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`.
-
-    `cells` (m, 2) are their indices, `ends` (m, g, h, n, 2) and `flags` (m, g, h, n) are written. `points`:
-    `GaussPoints`; `segment`: the forcing over the step, a `Segment`; `noise`: the `Noise` in it; the others as of
-    `trace_cells`.
-    """
+    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`."""
     cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
     for c in range(begin, end):
         _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, displacement, ends[c], flags[c])
 
 
 def trace_cells(cells, points, segment, block, noise, displacement=0.0):
-    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise.
-
-    Parameters
-    ----------
-    cells : ndarray, shape (m, 2)
-        Angle and velocity index of each cell.
-    points : GaussPoints
-        g points a cell in angle, h in velocity.
-    segment : Segment
-        The forcing over the step.
-    block : KernelBlock
-    noise : Noise
-        With n nodes.
-    displacement : float
-        Of states of the mesh from the real ones (`displaced`), at begin and end; the square of a nondimensional time.
-
-    Returns
-    -------
-    ends : ndarray, shape (m, g, h, n, 2)
-        Angle and velocity at the end of the step.
-    flags : ndarray of int, shape (m, g, h, n)
-        The side there, -1 or 1, or an `Exit`, below these.
-    """
+    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise."""
     shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
     parts = np.ascontiguousarray(cells), points, segment, block, noise, displacement, ends, flags
@@ -106,10 +69,7 @@ def trace_cells(cells, points, segment, block, noise, displacement=0.0):
 
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """Numbers of nodes of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of noise.
-
-    `diffusion` nodes are those of the velocity in free flight: 15 end at 6.4 standard deviations, 9 at 4.5.
-    """
+    """Numbers of nodes of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of noise."""
 
     angle: int
     velocity: int
@@ -119,31 +79,7 @@ class Quadrature:
 
 
 class Characteristics:
-    """The characteristics of one step from the Gauss points of its active cells, for any target mesh.
-
-    Parameters
-    ----------
-    source : Space
-        Where the paths start.
-    start, duration : float
-        The step, nondimensional times.
-    dynamics : Dynamics
-    quadrature : Quadrature
-    cells : bool or ndarray of bool, shape (angle cells, velocity cells)
-        Cells to activate now, whose paths' ends are kept; all unless given.
-    to_other_mesh : bool
-        Whether the paths end on another mesh. Only a slender block that stays below the cut-off goes there in affine
-        flight: all cells of an exact one then count as cells that an event can reach.
-
-    Attributes
-    ----------
-    event_cells, active : ndarray of bool, shape (angle cells, velocity cells)
-        The cells that an event can reach, and those whose mass the step moves.
-    numbers : ndarray of int, shape (angle cells, velocity cells)
-        Number of an active cell that an event can reach, in the order in which they were traced; else -1.
-    ends, flags : ndarray
-        Ends of the paths of the cells active at first, see `trace_cells`.
-    """
+    """The characteristics of one step from the Gauss points of its active cells, for any target mesh."""
 
     def __init__(
         self,
@@ -177,12 +113,7 @@ class Characteristics:
         self.ends, self.flags = self.activate(np.full_like(self.event_cells, cells))
 
     def activate(self, cells):
-        """Add cells to those that the step moves; return (ends, flags) of the paths traced for that.
-
-        `cells` (angle cells, velocity cells) is a mask. For m new cells that an event can reach, of g, h Gauss points
-        each, and n nodes of the noise, ends (m, g, h, n, 2) are the angle and velocity, flags (m, g, h, n) the side or
-        `Exit`.
-        """
+        """Add cells to those that the step moves; return (ends, flags) of the paths traced for that."""
         new = np.argwhere(self.event_cells & cells & ~self.active)
         self.active |= cells
         self.numbers[new[:, 0], new[:, 1]] = self.numbers.max() + 1 + np.arange(len(new))
@@ -191,21 +122,7 @@ class Characteristics:
 
 
 class Step:
-    """The transfer operator of one step, from the coefficients of a density in one space to those in another.
-
-    Mass is conserved to rounding: what does not end on the target mesh is returned as absorbed, that is overturned (to
-    the left, to the right) or truncated, which is beyond the mesh or out of cells that are not active.
-
-    Parameters
-    ----------
-    characteristics : Characteristics
-    target : Space
-        Where the paths end.
-    buffers : ndarray, optional
-        From `scatter_buffers`, to be shared by the steps of one run.
-    angle_remap : Remap, optional
-        From `free_flight.angle_remap_of`, to be shared by steps that differ in a constant force alone.
-    """
+    """The transfer operator of one step, from the coefficients of a density in one space to those in another."""
 
     def __init__(self, characteristics: Characteristics, target: Space, buffers=None, angle_remap=None):
         if not characteristics.to_other_mesh and target is not characteristics.source:
@@ -226,15 +143,11 @@ class Step:
 
     @property
     def nbytes(self):
-        """Bytes, an int, of targets and own remaps. Buffers, characteristics and a shared angle remap are left out."""
+        """Bytes, an int, of targets and own remaps."""
         return self._targets.nbytes + (self._flight.nbytes if self._flight else 0)
 
     def _extend(self, ends, flags):
-        """Add the targets of traced paths, by `ends` and `flags` of `trace_cells`, and divide the active cells in two.
-
-        Free cells fly where source and target are one mesh, all others are scattered. The ends are overwritten, the
-        object is changed, and nothing is returned.
-        """
+        """Add the targets of traced paths, by `ends` and `flags` of `trace_cells`, and part the active cells."""
         paths, target = self.characteristics, self.target
         self._targets = self._targets.extended(ends, flags, target.cell_searches, target.first_positive)
         self._flight, self._scattered = None, paths.active
@@ -251,12 +164,7 @@ class Step:
         self._columns = self._split()
 
     def apply(self, coefficients):
-        """Return (coefficients, masses): the density after the step, and what overturned left, right and was truncated.
-
-        `coefficients` (``source.shape``) are those before it, those returned have ``target.shape``; both are (angle
-        cells, velocity cells, degree + 1, degree + 1). The masses are (3,), or without diffusion (4,): the fourth came
-        to rest.
-        """
+        """(coefficients, masses): the density after the step, and what overturned left, right and was truncated."""
         paths, source = self.characteristics, self.characteristics.source
         cells = SourceCells(self._scattered, source.areas, paths.numbers)
         chunks = Chunks(self._columns, self.buffers, self._absorbed)
@@ -273,29 +181,7 @@ class Step:
         return out, absorbed
 
     def apply_adjoint(self, values, exit_values):
-        """Return the mean, before the step, of a function of the state after it (backward equation, Koopman operator).
-
-        Adjoint of `apply` in L2: for every density p of the source, with ``after, absorbed = apply(p)``, the integral
-        of p times the result is the integral of `after` times the function, plus ``absorbed @ exit_values``, to
-        rounding. With 1 for the function and 0 for all exits it is the probability of not overturning.
-
-        Parameters
-        ----------
-        values : ndarray, shape ``target.shape``
-            Coefficients of the function. A one is 1 in the first of every cell, 0 in the others.
-        exit_values : array_like, shape (3,)
-            Values of having overturned to the left, to the right, and of truncation.
-
-        Returns
-        -------
-        ndarray, shape ``source.shape``
-            Coefficients of the function before the step.
-
-        Raises
-        ------
-        ValueError
-            The step ends on another mesh.
-        """
+        """Return the mean, before the step, of a function of the state after it."""
         if self.target is not self.characteristics.source:
             raise ValueError(checks.refusal("target", self.target, "the mesh of the characteristics"))
         paths, exit_values = self.characteristics, np.asarray(exit_values, dtype=float)
@@ -311,10 +197,7 @@ class Step:
         return out
 
     def _split(self):
-        """Return an int array (chunks, 4): the source's columns, from and to, that each chunk reads, and the target's.
-
-        The latter are those that it writes. A column is an angle cell, and `to` is one past the last.
-        """
+        """Int array (chunks, 4): the source's columns, from and to, that each chunk reads, and the target's."""
         paths, (limit, across, *_) = self.characteristics, self.target.shape
         load = np.cumsum(self._scattered.sum(axis=1) + 1e-9)
         edges = np.searchsorted(load, load[-1] * np.arange(1, TUNING.chunks) / TUNING.chunks)
@@ -339,10 +222,7 @@ def scatter_buffers(target: Space):
 
 
 def with_neighbours(cells):
-    """Return a mask (angle, velocity) of the cells of a mask of this shape, `cells`, and their neighbours.
-
-    With these a growing density does not need new cells every time.
-    """
+    """Return a mask (angle, velocity) of the cells of a mask of this shape, `cells`, and their neighbours."""
     grown = cells.copy()
     grown[1:] |= cells[:-1]
     grown[:-1] |= cells[1:]
@@ -352,10 +232,7 @@ def with_neighbours(cells):
 
 
 def overlapping_cells(space, cells, other):
-    """Return a mask (..., angle, velocity) of the cells of a mesh `other` that overlap those of a mask of `space`.
-
-    `cells` (..., angle, velocity) is the mask; the one returned has the same first axes. Both meshes are `Space`.
-    """
+    """Return a mask (..., angle, velocity) of the cells of a mesh `other` that overlap those of a mask of `space`."""
     angle, velocity = (
         (theirs[:-1, None] < own[1:]) & (theirs[1:, None] > own[:-1])
         for theirs, own in zip(other.lines, space.lines, strict=True)
@@ -365,11 +242,7 @@ def overlapping_cells(space, cells, other):
 
 @kernel
 def mark_massive_cells(coefficients, areas, negligible, active, marks):
-    """Add to the mask `marks` the cells with more than a negligible mass; return whether one of them is not active.
-
-    `coefficients` (angle cells, velocity cells, degree + 1, degree + 1) are those of a density; `areas`, `active` and
-    `marks` are (angle cells, velocity cells); `negligible` is a mass. The answer is a bool.
-    """
+    """Add to the mask `marks` the cells with more than a negligible mass; return whether one of them is not active."""
     (limit, across, modes, _), beyond = coefficients.shape, False
     for i in range(limit):
         for j in range(across):

@@ -28,30 +28,13 @@ _polynomials, _sums = scratch(2 * MOST_MODES, WIDTH), scratch(MOST_MODES * MOST_
 
 
 class Targets(NamedTuple):
-    """Targets of the paths of m source cells; the last entries of the arrays may be spare.
+    """Targets of the paths of m source cells; the last entries of the arrays may be spare."""
 
-    Parameters
-    ----------
-    groups : ndarray of int, shape (m + 1,)
-        First group of each source cell.
-    blocks : ndarray of int, shape (g + 1,)
-        First block of each group.
-    cells : ndarray of int, shape (g,)
-        Target cell of each group, or the `Exit` of its paths.
-    paths : ndarray of int, shape (b, 8)
-        Number of each path among those of its source cell; the number of paths where the last block of a group is
-        filled up.
-    coordinates : ndarray, shape (2 b, 8)
-        Reference coordinates, -1 to 1, of each block's paths in their target, in angle and in velocity.
-    most : int
-        Blocks of a source cell, at most.
-    """
-
-    groups: np.ndarray
-    blocks: np.ndarray
-    cells: np.ndarray
-    paths: np.ndarray
-    coordinates: np.ndarray
+    groups: np.ndarray  # (m + 1,)
+    blocks: np.ndarray  # (g + 1,)
+    cells: np.ndarray  # (g,)
+    paths: np.ndarray  # (b, 8)
+    coordinates: np.ndarray  # (2 b, 8)
     most: int
 
     @classmethod
@@ -73,10 +56,7 @@ class Targets(NamedTuple):
         return self.groups.nbytes + 12 * groups + 20 * WIDTH * blocks
 
     def columns(self, across, limit):
-        """Return (first, last), (m,) each: columns of target cells of every source cell.
-
-        They are `limit` and -1 where all paths exit. The mesh has `limit` columns (angle cells) of `across` cells.
-        """
+        """Return (first, last), (m,) each: columns of target cells of every source cell."""
         groups, _ = self.used
         columns, begins = self.cells[:groups] // across, self.groups[:-1]
         if not groups:
@@ -84,21 +64,7 @@ class Targets(NamedTuple):
         return np.minimum.reduceat(np.where(columns < 0, limit, columns), begins), np.maximum.reduceat(columns, begins)
 
     def extended(self, ends, flags, searches, first_positive):
-        """Return these targets and those of further source cells.
-
-        Parameters
-        ----------
-        ends, flags : ndarray, shapes (m, g, h, n, 2), (m, g, h, n)
-            Of the paths of m further cells, see `step.trace_cells`; the ends are overwritten.
-        searches : tuple of CellSearch
-            Of the target mesh in angle and velocity.
-        first_positive : int
-            First column of the target mesh with x > 0.
-
-        Returns
-        -------
-        Targets
-        """
+        """Return these targets and those of further source cells."""
         if not len(flags):
             return self
         ends, flags = ends.reshape(len(flags), -1, 2), flags.reshape(len(flags), -1)
@@ -125,10 +91,7 @@ class Targets(NamedTuple):
 
 
 def _with_spare(array, used, needed):
-    """Return an array with room for `needed` rows or more, whose first `used` (a number) rows are those of `array`.
-
-    It is `array` itself where that has room.
-    """
+    """Return an array with room for `needed` rows or more, whose first `used` (a number) rows are those of `array`."""
     if len(array) >= needed:
         return array
     larger = np.empty((int(TUNING.spare * needed), *array.shape[1:]), array.dtype)
@@ -138,10 +101,7 @@ def _with_spare(array, used, needed):
 
 @kernel(forceinline=True)
 def locate_point(search, point):
-    """Return (index, coordinate): the cell that holds a point, and its place there, -1 to 1; else (TRUNCATED, 0).
-
-    `search` is the `CellSearch` of the mesh lines along an axis, `point` a nondimensional angle or velocity.
-    """
+    """Return (index, coordinate): the cell that holds a point, and its place there, -1 to 1; else (TRUNCATED, 0)."""
     lines, scales = search.lines, search.scales
     if not lines[0] <= point < lines[-1]:
         return Exit.TRUNCATED.value, 0.0
@@ -153,11 +113,7 @@ def locate_point(search, point):
 
 @kernel(forceinline=True)
 def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
-    """Return the number of the target cell of path n, an int, or its `Exit`; change its end to coordinates in the cell.
-
-    `ends` (n, 2) and `flags` (n,) are those of `trace_point`; row n of `ends` becomes reference coordinates, -1 to 1.
-    The searches are the `CellSearch` of the target mesh, `first_positive` its first column with x > 0.
-    """
+    """Return the number of the target cell of path n, or its `Exit`; change its end to coordinates in the cell."""
     x, v, flag = ends[n, 0], ends[n, 1], flags[n]
     if flag < -1:
         return flag
@@ -173,12 +129,7 @@ def locate_path(n, ends, flags, angle_search, velocity_search, first_positive):
 
 @kernel
 def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_positive, slots, cells, sizes):
-    """Write to `cells` (m, n) the target cells, or the `Exit`, of the paths of source cells `begin` to `end`.
-
-    The paths' `ends` (m, n, 2) become reference coordinates, and `sizes` (m, 2) receives the numbers of groups and
-    blocks. `flags` (m, n); the searches are the `CellSearch` of the target mesh; `slots` is the number of its cells and
-    of exits. `first_positive` is its first column with x > 0.
-    """
+    """Write to `cells` (m, n) the target cells, or the `Exit`, of the paths of source cells `begin` to `end`."""
     ends, flags, angle_search, velocity_search, cells, sizes = borrowed(
         (ends, flags, angle_search, velocity_search, cells, sizes)
     )
@@ -199,12 +150,7 @@ def _locate_paths(begin, end, ends, flags, angle_search, velocity_search, first_
 
 @kernel
 def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, blocks, targets, paths, points):
-    """Write the arrays of a `Targets` for further source cells `begin` to `end`, after `before` others.
-
-    `cells` (m, n) and `coordinates` (m, n, 2) are those of each path's target, `ends` (m,) the ends of the source
-    cells' blocks, `slots` the number of target cells and exits. `groups`, `blocks`, `targets` (its `cells`), `paths`
-    and `points` (its `coordinates`) are the arrays, in their order, with the shapes of `Targets`.
-    """
+    """Write the arrays of a `Targets` for further source cells `begin` to `end`, after `before` others."""
     cells, coordinates, ends, groups, blocks, targets, paths, points = borrowed(
         (cells, coordinates, ends, groups, blocks, targets, paths, points)
     )
@@ -232,10 +178,7 @@ def _group_paths(begin, end, cells, coordinates, before, ends, slots, groups, bl
 
 
 def _legendre(xi):
-    """Return a tuple of Legendre polynomials 0 to 5 at `xi` in [-1, 1], orthonormal on the unit interval.
-
-    `xi`, and each of them, is a number, or eight in a SIMD vector.
-    """
+    """Return a tuple of Legendre polynomials 0 to 5 at `xi` in [-1, 1], orthonormal on the unit interval."""
     square = xi * xi
     p2 = 0.5 * math.sqrt(5.0) * (3.0 * square - 1.0)
     p3 = 0.5 * math.sqrt(7.0) * xi * (5.0 * square - 3.0)
@@ -250,11 +193,7 @@ _legendre_in_lanes = kernel(fastmath=FASTMATH, forceinline=True)(_legendre)
 
 @kernel(fastmath=FASTMATH, forceinline=True)
 def _store_polynomials(points, b, rows):
-    """Write to `rows` (2 `MOST_MODES`, 8) the Legendre polynomials 1 to 5 of the eight paths of block b.
-
-    Those of the angle stand in rows 1 to 5, those of the velocity `MOST_MODES` further; `points` (2 blocks, 8) are
-    `Targets.coordinates`.
-    """
+    """Write to `rows` (2 `MOST_MODES`, 8) the Legendre polynomials 1 to 5 of the eight paths of block b."""
     for axis in range(2):
         _, p1, p2, p3, p4, p5 = _legendre_in_lanes(load(points, 2 * b + axis))
         first = axis * MOST_MODES
@@ -267,11 +206,7 @@ def _store_polynomials(points, b, rows):
 
 @kernel(fastmath=FASTMATH)
 def scatter_group(target, begin, end, points, masses, basis):
-    """Add `masses` (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell.
-
-    The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2 blocks, 8). `basis`: a tuple of
-    length modes, for the compiler.
-    """
+    """Add `masses` (blocks, 8) times the shape functions at their points to `target` (modes²,), unknowns of a cell."""
     modes, sums, rows = len(basis), _sums(), _polynomials()
     for k in range(modes * modes):
         store(sums, k, load(_ZEROS, 0))
@@ -290,11 +225,7 @@ def scatter_group(target, begin, end, points, masses, basis):
 
 @kernel(fastmath=FASTMATH)
 def gather_group(function, begin, end, points, values, basis):
-    """Write to `values` (blocks, 8) a function, by its coefficients (modes²,) in a cell, at points of the cell.
-
-    `function` are the coefficients. The blocks are those from `begin` to `end` of `points`, `Targets.coordinates` (2
-    blocks, 8). `basis`: a tuple of length modes, for the compiler.
-    """
+    """Write to `values` (blocks, 8) a function, by its coefficients (modes²,) in a cell, at points of the cell."""
     modes, rows = len(basis), _polynomials()
     for b in range(begin, end):
         _store_polynomials(points, b, rows)
@@ -311,13 +242,7 @@ def gather_group(function, begin, end, points, values, basis):
 
 @kernel
 def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ordered, basis):
-    """Add point masses of source cell r, times the weights of the noise's nodes, to `buffer` and `absorbed`.
-
-    `values` (g, h) are the masses; `buffer` (target cells, modes²) holds the unknowns, `absorbed` (3 or 4,) the masses
-    by `Exit`: left, right, truncated, at rest; `node_weights` (n,) are those of the noise; `masses` (g h n + 1,) and
-    `ordered` (most, 8) are overwritten. `basis`: a tuple of length modes, for the compiler. `targets` are the
-    `Targets`.
-    """
+    """Add point masses of source cell r, times the weights of the noise's nodes, to `buffer` and `absorbed`."""
     n = 0
     for p in range(values.shape[0]):
         for q in range(values.shape[1]):
@@ -340,12 +265,7 @@ def scatter_cell(values, node_weights, r, targets, buffer, absorbed, masses, ord
 
 @kernel
 def gather_cell(function, exit_values, node_weights, r, targets, values, path_values, ordered, basis):
-    """Write to `values` (g, h) means over the nodes of a function at the paths' ends of source cell r.
-
-    Adjoint of `scatter_cell`. `function` (target cells, modes²) are its coefficients, `exit_values` (3,) its values by
-    `Exit`: left, right, truncated; `path_values` (g h n + 1,) and `ordered` (most, 8) are overwritten. `basis`: a tuple
-    of length modes, for the compiler. `node_weights` (n,) are those of the noise, `targets` the `Targets`.
-    """
+    """Write to `values` (g, h) means over the nodes of a function at the paths' ends of source cell r."""
     first, last = targets.groups[r], targets.groups[r + 1]
     base = targets.blocks[first]
     for g in range(first, last):
