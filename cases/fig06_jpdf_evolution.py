@@ -27,13 +27,15 @@ from command import command
 from opengl import probe_rendering
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.base import precompilation
+from fpk_rocking.base.precompilation import queue_for_helpers
 from fpk_rocking.compare import compare
 from fpk_rocking.output import figures, tables, vtk
 from fpk_rocking.output.tables import reporting
 from fpk_rocking.results import storage
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
+from montecarlo.engines import engine_of
+from montecarlo.engines.batches import task_of
 
 CYCLES = (0, 2, 4, 10, 20, 40)
 MOST_SURFACES = 4
@@ -61,8 +63,8 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
         What ``summary.json`` holds.
     """
     scene, last = load_scene("main"), max(cycles)
-    for method in ("rk4", "white"):
-        precompilation.queue_for_helpers(f"fpk_rocking.least_runs:{method}")
+    for noisy, method in ((scene, "rk4"), (scene.white_equivalent(), "white")):
+        queue_for_helpers(task_of(engine_of(noisy, method), noisy))
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)

@@ -20,10 +20,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fpk_rocking.base import precompilation
 from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.base.jit import kernel
+from fpk_rocking.base.precompilation import Task, start_helpers
 from fpk_rocking.density.filter_nodes import (
     FilteredDiscretization,
     Nodes,
@@ -42,6 +42,7 @@ from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.physics.motion.events import advance_through_events
+from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
@@ -167,7 +168,7 @@ class FilteredPropagator(CyclicPropagator):
     @staticmethod
     def adapted(scene: Scene, plane: Discretization, number: int) -> FilteredDiscretization:
         """Return the `FilteredDiscretization`: the mesh of the plane, with nodes and steps of one resolution."""
-        precompilation.start_helpers(precompilation.task_for_block("fpk_rocking.least_runs:rest", scene))
+        start_helpers(REST[kind_of(scene.block)])
         return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):
@@ -311,3 +312,13 @@ def advance_from_rest(segment, duration, block):
     """Return (x, v, side) after a step of a block that is at rest at its begin; side ±1, or 0 at rest."""
     x, v, side, _ = advance_through_events(0.0, 0.0, 0, segment, 0.0, duration, block)
     return x, v, side
+
+
+REST = {kind: Task(f"{__name__}:compile_rest:{kind}", 3) for kind in KINDS}
+"""Tasks that compile what a density needs under filtered noise alone, by kind of block."""
+
+
+def compile_rest(kind):
+    """Move a block from rest."""
+    dynamics = Dynamics.of(least_scenes(kind)["white"])
+    advance_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

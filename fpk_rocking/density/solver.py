@@ -5,8 +5,9 @@ import time
 
 import numpy as np
 
-from fpk_rocking.base import checks, precompilation
+from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, Progress
+from fpk_rocking.base.precompilation import Task, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.notices import (
@@ -21,11 +22,14 @@ from fpk_rocking.density.notices import (
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, refine
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, bins_tolerance, explore, in_rest, resolutions_for
-from fpk_rocking.density.space import velocity_bound
+from fpk_rocking.density.space import Space, graded_lines, velocity_bound
+from fpk_rocking.density.step.dynamics import Dynamics
+from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import describe_replacement
+from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
 from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 
@@ -101,10 +105,7 @@ def solve_fpk(
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
     solved = _with_noise_replaced(scene, noise_replacement)
     white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
-    precompilation.start_helpers(
-        precompilation.task_for_block("fpk_rocking.least_runs:density", scene),
-        "fpk_rocking.least_runs:free_flight",
-    )
+    start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
 
     motion = explore(white, times)
     meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered))
@@ -300,3 +301,20 @@ def _refuse_unresolved(result):
             f"the finest (negative mass {negative:.1e}), accepted: up to {limit}; the noise, of diffusion "
             f"{result.diffusion:.3g}, is too weak, or filtered noise too slow: use Monte Carlo"
         )
+
+
+FREE_FLIGHT = Task(f"{__name__}:compile_free_flight", 15)
+DENSITY = {kind: Task(f"{__name__}:compile_density:{kind}", 15 if kind == "slender" else 20) for kind in KINDS}
+"""Tasks that compile the kernels of a density, by kind of block."""
+
+
+def compile_density(kind):
+    """Solve one cycle coarsely, which needs all kernels of a density under white noise."""
+    solve_fpk(least_scenes(kind)["white"], cycles=1, tol=1e-3)
+
+
+def compile_free_flight():
+    """Take a step of free flight, which a density needs last, on few cells of the degree at which it usually ends."""
+    space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), RESOLUTIONS[USUAL[1e-3]].degree)
+    free, affine = np.ones(space.shape[:2], dtype=bool), Dynamics.of(least_scenes("slender")["white"]).affine(0.0, 0.1)
+    FreeFlight(space, free, affine, 0.05, 0.1, 5).apply(np.ones(space.shape), np.zeros(space.shape))

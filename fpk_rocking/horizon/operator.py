@@ -9,6 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.base.precompilation import Task
 from fpk_rocking.density.density import Density, PlaneMap
 from fpk_rocking.density.notices import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
@@ -21,6 +22,7 @@ from fpk_rocking.physics.noise.kinds import refuse_envelope
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.result import Result
+from fpk_rocking.scene.least import least_scenes
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.ranges import joint_edges
 from fpk_rocking.scene.scene import Scene
@@ -387,3 +389,11 @@ class CycleOperator(Result, LinearOperator):
             value = function(lambda *cycles, start=start: mesh.survival(np.array(cycles), start)[0])
             values.append((start.angle, start.velocity, float(value)))
         return tuple(values)
+
+
+OPERATOR = Task(f"{__name__}:compile_operator", 12)
+
+
+def compile_operator() -> None:
+    """Find the leading mode of a scene that is easy to resolve, which needs all kernels of the operator."""
+    CycleOperator(least_scenes("slender")["white"], tol=1e-2).survival(1)

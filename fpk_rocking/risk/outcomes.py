@@ -24,6 +24,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.base.jit import map_threads
+from fpk_rocking.base.precompilation import Task
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.risk.motions import intensity_of
@@ -32,8 +33,8 @@ from fpk_rocking.scene.parts import Block, Body, Overturning
 from fpk_rocking.scene.ranges import SETTLING
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
-from montecarlo.engines import engine_of, task_of
-from montecarlo.engines.batches import checked_run, simulate_batches
+from montecarlo.engines import engine_of
+from montecarlo.engines.batches import checked_run, simulate_batches, task_of
 from montecarlo.engines.scaled_paths import Outcomes, ScaledPaths, scaled_parameters
 
 COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
@@ -158,8 +159,8 @@ def kernels_of(
     task: Callable[..., Any],  # noqa: ARG001  (as `tasks.kernels_of`)
     scenes: Iterable[Scene],
     options: dict[str, Any],  # noqa: ARG001
-) -> list[str]:
-    """Return a sorted list of the tasks, texts, of `base.precompilation` that compile the paths of some scenes."""
+) -> list[Task]:
+    """Return a sorted list of the tasks of `base.precompilation` that compile the paths of some scenes."""
     return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
 

@@ -8,10 +8,14 @@ import numpy as np
 
 from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.checks import ArrayLike, Progress
+from fpk_rocking.base.precompilation import Task
 from fpk_rocking.density.evolution import Evolution
-from fpk_rocking.density.solver import solve_fpk
+from fpk_rocking.density.filtered import REST
+from fpk_rocking.density.solver import DENSITY, solve_fpk
+from fpk_rocking.scene.least import kind_of
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import engine_of, engines_for, task_of
+from montecarlo.engines import engine_of, engines_for
+from montecarlo.engines.batches import task_of
 from montecarlo.simulation import simulate
 
 
@@ -52,19 +56,18 @@ TASKS = {"mc": mc, "fpk": fpk}
 """Tasks of a sweep by name."""
 
 
-def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[str]:
-    """Return a sorted list of the tasks, texts, of `base.precompilation` that compile what a task of `TASKS` calls.
+def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[Task]:
+    """Return a sorted list of the tasks of `base.precompilation` that compile what a task of `TASKS` calls.
 
     They are those for `scenes` and for the `options` of the task; none for a function that is not in `TASKS`.
     """
-    names: set[str] = set()
+    names: set[Task] = set()
     for scene in scenes:
         if task is mc:
             names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
-            filtered = "filtered" in (scene.noise.kind, options.get("noise_replacement")) and scene.block.symmetric
-            kernels = ["density"] + ["rest"] * filtered
-            names.update(precompilation.task_for_block(f"fpk_rocking.least_runs:{name}", scene) for name in kernels)
+            tables = [DENSITY] + [REST] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
+            names.update(table[kind_of(scene.block)] for table in tables)
     return sorted(names)
 
 

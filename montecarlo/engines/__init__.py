@@ -6,7 +6,7 @@ realizations; `random` has their random numbers. An engine is a file: `exact_sle
 `barriers`); `filtered` (with `filtered_noise`). `walkers` has the kernels of `montecarlo.splitting`.
 """
 
-from fpk_rocking.base import checks, precompilation
+from fpk_rocking.base import checks
 from montecarlo.engines import exact_block, exact_enveloped, exact_slender, filtered, rk4, white
 
 ENGINES = tuple(module.ENGINE for module in (exact_slender, exact_enveloped, exact_block, rk4, white, filtered))
@@ -32,8 +32,3 @@ def engine_of(scene, method=None):
     if method in {"white", "filtered"}:
         accepted += f"; {method!r} needs {method} noise, which scene.{method}_equivalent() makes of this one"
     raise ValueError(checks.refusal("method", method, accepted))
-
-
-def task_of(engine, scene):
-    """Return the task, a text for `precompilation`, that compiles an engine for the block of a scene."""
-    return precompilation.task_for_block(f"fpk_rocking.least_runs:{engine.task}", scene)

@@ -6,14 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base import checks, precompilation
+from fpk_rocking.base import checks
 from fpk_rocking.base.jit import map_threads, thread_count
+from fpk_rocking.base.precompilation import Task, start_helpers
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import ranges
+from fpk_rocking.scene.least import kind_of, least_scenes
 from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines import engine_of, task_of
+from montecarlo.engines import ENGINES, engine_of
 from montecarlo.engines.random import keys_at, stream_keys
 from montecarlo.tuning import TUNING
 
@@ -86,7 +88,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     after each batch, and may raise.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
-    precompilation.start_helpers(task_of(engine, run.scene))
+    start_helpers(task_of(engine, run.scene))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     if parameters is None:
         outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
@@ -207,3 +209,22 @@ def _returns(numbers, run, unseen, parameters, simulate):
     angles = np.abs(paths.angle)
     over = (paths.overturn_side != 0) | (angles.max(axis=1) >= cutoff) if unseen else np.full(len(numbers), True)
     return over.sum(), (over & (angles[:, -1] < cutoff)).sum()
+
+
+_SECONDS = {"exact": 7, "enveloped": 7, "nonlinear": 9, "rk4": 7, "white": 6, "filtered": 7}
+"""What compiling takes, about, by the task of an engine; 2 more for a block that is not slender."""
+
+
+def task_of(engine, scene):
+    """Return the task that compiles an engine for the kind of block of a scene."""
+    kind = kind_of(scene.block)
+    return Task(f"{__name__}:compile_engine:{engine.task}:{kind}", _SECONDS[engine.task] + 2 * (kind != "slender"))
+
+
+def compile_engine(task, kind):
+    """Simulate one realization over one cycle, by the engine with the name `task`."""
+    (engine,) = (engine for engine in ENGINES if engine.task == task)
+    scene = next(scene for scene in least_scenes(kind).values() if engine.takes(scene))
+    run = checked_run(scene, 1, 1, 1, engine.method, 200)
+    for _ in simulate_batches(run, followed=0):
+        pass

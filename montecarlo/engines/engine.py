@@ -44,8 +44,8 @@ class Engine:
     `number` counts intervals from the beginning of the run, and j from that of the table period, as the rows of the
     tables do. A state is a tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest.
 
-    * `method`: name by which a user asks for it; `task`: function of `fpk_rocking.least_runs` that compiles it; `file`:
-      source file of its functions.
+    * `method`: name by which a user asks for it; `task`: name by which it is compiled ahead (`batches.task_of`);
+      `file`: source file of its functions.
     * `takes(scene)`: whether it simulates a scene.
     * `parameters_of(scene, steps_per_cycle, times)`: what the other functions need, as a tuple of numbers and arrays,
       among them `block`, a `KernelBlock`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are

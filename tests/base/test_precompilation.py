@@ -4,22 +4,22 @@ import importlib
 import json
 import os
 import pathlib
-import re
 import signal
 import subprocess
 import sys
 import time
-import types
 
 import pytest
 
-from fpk_rocking import least_runs
+from fpk_rocking import cli
 from fpk_rocking.base import jit, precompilation
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL
-from fpk_rocking.scene import Block, Body, Harmonic, NoNoise, Scene
+from fpk_rocking.base.precompilation import Task
+from fpk_rocking.density.filtered import REST
+from fpk_rocking.density.solver import DENSITY, FREE_FLIGHT
+from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
 from fpk_rocking.studies.tasks import TASKS, kernels_of
-from montecarlo import simulation
-from montecarlo.engines import ENGINES, engine_of, exact_block, filtered, rk4, task_of, white
+from montecarlo.engines import engine_of, engines_for, exact_slender, rk4, white
+from montecarlo.engines.batches import task_of
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -46,7 +46,7 @@ Dispatcher.compile = noted
 from fpk_rocking import cli
 from fpk_rocking.base import precompilation
 
-precompilation.run_task(sys.argv[1])
+precompilation.run_task(precompilation.Task(sys.argv[1], 0))
 assert touched, "the task is at work with no kernel"
 touched.clear()
 cli.main(sys.argv[2:])
@@ -110,68 +110,62 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
     assert done.stderr.splitlines()[-1] == "[]"
 
 
-WHITE, FLIGHT = "fpk_rocking.least_runs:white", "fpk_rocking.least_runs:free_flight"
+BAND = least_scenes("slender")["band"]
+WHITE = task_of(white.ENGINE, least_scenes("slender")["white"])
 
 
-def test_every_engine_and_every_call_has_its_task():
-    blocks = Block(0.5), Block(0.5, critical_angle=0.3), Block(body=Body(1.0, 0.3, 0.4, 0.6))
-    scenes = [Scene(block, Harmonic(1.0, 2.0), NoNoise()) for block in blocks]
-    named = {task_of(engine, scenes[engine is exact_block.ENGINE]) for engine in ENGINES}
-    others = rk4.ENGINE, white.ENGINE, filtered.ENGINE
-    named |= {task_of(engine, scenes[1]) for engine in others}
-    bodies = {task_of(engine, scenes[2]) for engine in (exact_block.ENGINE, *others)}
-    bodies.update(kernels_of(TASKS["fpk"], scenes[2:], {"noise_replacement": "filtered"}))
-    assert bodies == set(precompilation.BODY_TASKS)
-    named.update(kernels_of(TASKS["fpk"], scenes[:2], {"noise_replacement": "filtered"}))
-    for path in [*ROOT.glob("fpk_rocking/**/*.py"), *ROOT.glob("montecarlo/**/*.py")]:
-        named.update(
-            re.findall(
-                r'precompilation\.(?:start_helpers|task_for_block)\("([\w.:]+)"', path.read_text(encoding="utf-8")
-            )
-        )
-    assert named <= set(precompilation.TASKS)
-    for task in precompilation.TASKS | precompilation.BODY_TASKS:
-        module, name = task.split(":")
-        assert callable(getattr(importlib.import_module(module), name))
+def runnable(task):
+    module, function, *_ = task.name.split(":")
+    return callable(getattr(importlib.import_module(module), function))
 
 
-def test_the_task_of_an_engine_simulates_what_needs_it(monkeypatch):
-    seen = []
-    monkeypatch.setattr(
-        simulation, "simulate", lambda scene, method, **_: seen.append(task_of(engine_of(scene, method), scene))
-    )
-    every = precompilation.TASKS | precompilation.BODY_TASKS
-    runs = {task: getattr(least_runs, task.rpartition(":")[2]) for task in every}
-    tasks = [task for task, run in runs.items() if getattr(run, "func", None) is least_runs.paths]
-    assert len(tasks) == 13
-    for task in tasks:
-        runs[task]()
-    assert seen == tasks
+def test_every_call_has_its_task():
+    for kind in KINDS:
+        scenes = least_scenes(kind)
+        assert {kind_of(scene.block) for scene in scenes.values()} == {kind}
+        named = set(kernels_of(TASKS["fpk"], scenes.values(), {}))
+        assert named == {DENSITY[kind], REST[kind]}
+        named.update(kernels_of(TASKS["mc"], scenes.values(), {}))
+        assert len(named) == (6 if kind == "slender" else 5)
+        assert all(map(runnable, named))
+    assert all(map(runnable, cli.warmup_tasks()))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_engine_that_takes_a_kind_of_block_has_a_least_scene(kind):
+    """The task of an engine simulates the first scene that it takes, which must not be one of another engine."""
+    scenes = least_scenes(kind).values()
+    engines = {engine for scene in scenes for engine in engines_for(scene)}
+    assert len(engines) == (5 if kind == "slender" else 4)
+    for engine in engines:
+        scene = next(scene for scene in scenes if engine.takes(scene))
+        assert engine_of(scene, engine.method) is engine
+        assert kind == "unequal" or task_of(engine, scene) in cli.warmup_tasks()
 
 
 @pytest.mark.parametrize(
     ("task", "asked"),
     [
         pytest.param(
-            "fpk_rocking.least_runs:density",
+            DENSITY["slender"],
             ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"],
             marks=pytest.mark.slow,
         ),
         pytest.param(
-            "fpk_rocking.least_runs:density_exact",
+            DENSITY["exact"],
             ["fpk", "--no-check", "--cycles", "2", "--tol", "1e-2"],
             marks=pytest.mark.slow,
         ),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
-        ("fpk_rocking.least_runs:exact", ["mc", "--method", "exact", "--cycles", "2"]),
-        pytest.param("fpk_rocking.least_runs:rk4", ["mc", "--method", "rk4", "--cycles", "2"], marks=pytest.mark.slow),
+        (task_of(exact_slender.ENGINE, BAND), ["mc", "--method", "exact", "--cycles", "2"]),
+        pytest.param(task_of(rk4.ENGINE, BAND), ["mc", "--method", "rk4", "--cycles", "2"], marks=pytest.mark.slow),
     ],
 )
 def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
     """In one process, which asks for every kernel and signature once, be it on the disk or not."""
-    if task.endswith("_exact"):
+    if task.name.endswith("exact"):
         pathlib.Path(scene).write_text(SCENE + "block.critical_angle = 0.1\n", encoding="utf-8")
-    command = [sys.executable, "-c", TOUCH, task, asked[0], scene, *asked[1:]]
+    command = [sys.executable, "-c", TOUCH, task.name, asked[0], scene, *asked[1:]]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
     assert done.stderr == "compiled or loaded []"
 
@@ -179,7 +173,7 @@ def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
 @pytest.mark.slow
 def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     """Else a helper works in vain: what it has compiled must be what the solver calls."""
-    code = f"from fpk_rocking.base import precompilation as p; p.run_task('{FLIGHT}')"
+    code = f"from fpk_rocking.base import precompilation as p; p.run_task(p.Task{tuple(FREE_FLIGHT)})"
     run([sys.executable, "-c", code], tmp_path)
     done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
     compiled = done.stderr.rpartition("compiled ")[2]
@@ -195,18 +189,6 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
         assert repr(name) not in compiled
 
 
-def test_free_flight_is_compiled_for_the_degree_that_the_solver_ends_at(monkeypatch):
-    seen = []
-
-    def free_flight(space, *_):
-        seen.append(space.degree)
-        return types.SimpleNamespace(apply=lambda *_: None)
-
-    monkeypatch.setattr("fpk_rocking.density.step.free_flight.FreeFlight", free_flight)
-    least_runs.free_flight()
-    assert seen == [RESOLUTIONS[USUAL[1e-3]].degree]
-
-
 def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
     """As many at once as would collide: each answers, and the kernel is compiled once.
 
@@ -216,8 +198,7 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
 from fpk_rocking.base import precompilation
 from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.impact import chatter_time
-precompilation.TASKS["fpk_rocking.physics.motion.impact:chatter_time"] = 7
-precompilation.start_helpers("fpk_rocking.physics.motion.impact:chatter_time")
+precompilation.start_helpers(precompilation.Task("fpk_rocking.physics.motion.impact:chatter_time", 7))
 answer = chatter_time(0.25, 1, 0.0, KernelBlock(0.0, 1.5))
 print(answer, *(sum(made.stats.cache_misses.values()) for made in chatter_time.for_types.values()))
 """
@@ -235,7 +216,7 @@ print(answer, *(sum(made.stats.cache_misses.values()) for made in chatter_time.f
 def test_two_cold_commands_side_by_side_on_one_cache_answer(scene, tmp_path):
     """The first of them says that it compiles; a third, later, has nothing to say."""
     asked = [*CLI, "mc", scene, "--method", "white", "--cycles", "1", "--realizations", "9", "--json"]
-    says = f"compiling machine code for this machine, once: about {precompilation.TASKS[WHITE]} s\n"
+    says = f"compiling machine code for this machine, once: about {WHITE.seconds} s\n"
     for k in range(20):
         environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / str(k))}
         pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
@@ -265,15 +246,14 @@ def test_an_interrupted_warmup_ends_at_once_with_its_helpers(tmp_path):
     assert time.monotonic() - begin < 5.0
 
 
-def test_warmup_runs_all_tasks_and_says_which_failed(monkeypatch, capsys):
-    from fpk_rocking import cli
-
-    monkeypatch.setattr(precompilation, "TASKS", {"json:dumps": 1, "fpk_rocking.base.checks:nothing": 1})
-    assert cli.main(["warmup"]) == 2
+def test_warmup_runs_all_tasks_and_says_which_failed(capsys):
+    tasks = [Task("fpk_rocking.scene.least:kind_of", 1), Task("math:sqrt:4", 1), Task("platform:node", 1)]
+    with pytest.raises(OSError, match="2 of 3 parts were not compiled"):
+        cli.compile_ahead(tasks)
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("compiling machine code for this machine: about")
-    assert sum(line.startswith("fpk-rocking warmup: not compiled: ") for line in said) == 2
-    assert said[-1].startswith("fpk-rocking warmup: 2 of 2 parts were not compiled")
+    failed = {line.removeprefix("fpk-rocking warmup: not compiled: ") for line in said[1:]}
+    assert failed == {"fpk_rocking.scene.least:kind_of", "math:sqrt:4"}
 
 
 def test_a_kernel_that_another_calls_can_be_called_from_python_too():
@@ -290,18 +270,21 @@ def test_a_kernel_that_another_calls_can_be_called_from_python_too():
     assert outer(3) == 7.0
 
 
-@pytest.mark.parametrize(("processors", "started"), [(1, []), (2, [("b", "c")]), (3, [("b",), ("c",)])])
-def test_helpers_take_on_what_a_call_will_need_and_what_is_not_done(monkeypatch, capsys, processors, started):
-    seen = []
-    monkeypatch.setattr(precompilation, "_helpers", [])
-    monkeypatch.setattr(precompilation, "_queued", [])
-    monkeypatch.setattr(precompilation, "TASKS", {"a": 3})
-    monkeypatch.setattr(precompilation, "_is_compiled", lambda task: task == "d")
-    monkeypatch.setattr(precompilation, "_mark_compiled", lambda task: None)  # noqa: ARG005
-    monkeypatch.setattr(precompilation, "processors", lambda: processors)
-    monkeypatch.setattr(precompilation, "start_process", lambda *tasks: seen.append(tasks))
-    precompilation.queue_for_helpers("c")
-    precompilation.queue_for_helpers("d")
-    precompilation.start_helpers("a", "b")
-    assert seen == started
-    assert capsys.readouterr().err == "compiling machine code for this machine, once: about 3 s\n"
+def test_helpers_share_what_a_call_will_need():
+    tasks = [Task(name, 1) for name in "abc"]
+    assert precompilation.shares(tasks, 0) == []
+    assert precompilation.shares(tasks, 1) == [tasks]
+    assert precompilation.shares(tasks, 2) == [[tasks[0], tasks[2]], [tasks[1]]]
+    assert precompilation.shares(tasks[:1], 9) == [tasks[:1]]
+
+
+def test_a_process_says_once_that_it_compiles(tmp_path):
+    """And only the first one on a machine."""
+    code = """
+from fpk_rocking.base.precompilation import Task, start_helpers
+for name in ("processors", "start_no_helpers"):
+    start_helpers(Task(f"fpk_rocking.base.precompilation:{name}", 3))
+"""
+    said = [run([sys.executable, "-c", code], tmp_path).stderr for _ in range(3)]
+    assert said[0] == "compiling machine code for this machine, once: about 3 s\n"
+    assert said[1:] == [said[0], ""]

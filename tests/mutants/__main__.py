@@ -59,7 +59,7 @@ def noticed(mutant, compiled, tests):
     sitecustomize.put(**mistake)
     from fpk_rocking.base import precompilation
 
-    precompilation._helpers.append(None)  # no processes that compile ahead what no test here may need
+    precompilation.start_no_helpers()  # which would compile ahead what no test here may need
     status = run(dict.fromkeys(file for file, *_ in tests), judge, "-x") if tests else 0
     return judge.by or (f"status {status}" if status else "")
 

@@ -27,7 +27,7 @@ LAYERS = [
     {"fpk_rocking.density.step"},
     {"fpk_rocking.density", "montecarlo"},
     {"fpk_rocking.output", "fpk_rocking.horizon"},
-    {"fpk_rocking.least_runs", "fpk_rocking.studies"},
+    {"fpk_rocking.studies"},
     {"fpk_rocking.risk"},
     {"fpk_rocking.options"},
     {"fpk_rocking.cli"},
@@ -90,10 +90,10 @@ def test_no_module_imports_itself_through_others():
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) >= len(graph)
 
 
-def test_only_studies_risk_least_runs_and_the_command_line_import_montecarlo():
+def test_only_studies_risk_and_the_command_line_import_montecarlo():
     users = {name for name in MODULES if any(other.startswith("montecarlo") for other in imports_of(name))}
     above = "montecarlo", "fpk_rocking.studies", "fpk_rocking.risk"
-    assert {name for name in users if not name.startswith(above)} <= {"fpk_rocking.cli", "fpk_rocking.least_runs"}
+    assert {name for name in users if not name.startswith(above)} <= {"fpk_rocking.cli"}
 
 
 def test_the_core_knows_nothing_of_the_earthquake_wing():

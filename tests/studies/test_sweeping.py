@@ -20,6 +20,8 @@ from fpk_rocking.studies import execution, grid, sweep
 from fpk_rocking.studies.execution import run_job, seed_of
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulate
+from montecarlo.engines import engine_of
+from montecarlo.engines.batches import task_of
 
 
 def rows_without_seconds(rows):
@@ -85,7 +87,7 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
     white = SCENE.varied(noise=WhiteNoise(0.01))
     for workers in (1, 2):
         assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
-    assert begun == [(1, ()), (2, ("fpk_rocking.least_runs:exact", "fpk_rocking.least_runs:white"))]
+    assert begun == [(1, ()), (2, tuple(task_of(engine_of(scene), scene) for scene in (SCENE, white)))]
 
 
 def test_kernels_are_those_of_the_engines_that_will_run():
