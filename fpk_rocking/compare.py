@@ -30,12 +30,12 @@ _DEVIATIONS, _DISTANCES = 4.0, ("l1", "l1_floor", "hellinger", "hellinger_floor"
 class Comparison(Result):
     """Two results side by side: survival, leakage and joint densities, with their errors.
 
-    The axis of length 2 that an array has for the results is (first, second).
+    The axis of length 2 that an array has for the results is (first, second). Figures of the Melnikov process are None
+    where the forcing does not repeat.
 
     Attributes
     ----------
     results : tuple of SurvivalResult
-        The two results.
     cycles : ndarray, shape (n+1,)
         0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
     times : ndarray, shape (n+1,)
@@ -64,10 +64,9 @@ class Comparison(Result):
         Probability of standing outside all bins.
     melnikov_amplitude, melnikov_loss : float or None
         Amplitude D_m of the periodic part of the Melnikov process, and the loss M that it has to exceed without noise.
-        These and the other figures of the Melnikov process are None where the forcing does not repeat.
     melnikov_deviation, melnikov_margin : ndarray, shape (2,)
-        Standard deviation σ_M of the Melnikov process under the noise of each scene, and the margin √(D_m² + σ_M²) - M,
-        positive where the paper's criterion (eq. 14) is met.
+        Standard deviation σ_M of the process under the noise of each scene, and the margin √(D_m² + σ_M²) - M, positive
+        where the paper's criterion (eq. 14) is met.
     phase_flux : ndarray, shape (2,)
         Phase flux Φ of each scene (see `fpk_rocking.melnikov.phase_flux`).
 
@@ -136,7 +135,7 @@ class Comparison(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """A list of `Diagnostic`: of either result, of a seed that both share, of a difference beyond their errors."""
+        """Diagnostics of either result, of a seed that both share, and of a difference beyond their errors."""
         diagnostics = [
             Diagnostic(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
             for result in self.results
@@ -175,7 +174,7 @@ class Comparison(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences that a reader needs to judge the figures: those of both results, and how their noise differs."""
+        """Sentences that a reader needs: those of both results, and how their noise differs."""
         sentences = list(remarks(*self.results))
         first, second = (result.scene.noise for result in self.results)
         if first != second:
@@ -231,17 +230,10 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     joint_cycles : sequence of int, optional
         Cycles at which the joint densities are compared; by default 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last.
 
-    Returns
-    -------
-    Comparison
-        `survival`, its `difference` and `standard_error` by cycle, distances of the joint densities, and more.
-
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         The scenes differ in restitution, forcing, start or overturning, or one result has no such cycle.
-    TypeError
-        A cycle is not a whole number.
 
     Examples
     --------

@@ -135,17 +135,12 @@ class CycleOperator(Result, LinearOperator):
         return float(np.max(self.residuals))
 
     @property
-    def metadata(self) -> dict[str, Any]:
-        """Rates, error figures and tolerance, a dict of plain values by name."""
-        names = "escape_rate", "mean_cycles", "forgetting_cycles", "tol", "diffusion"
-        return super().metadata | {name: float(getattr(self, name)) for name in names}
-
-    @property
     def title(self) -> str:
         """The escape rate per cycle and its relative error, as a line of text."""
         return f"escape rate {self.escape_rate:.4g} per cycle, relative error {self.escape_error:.1g}"
 
     row_dims = ("mode",)
+    more_metadata = ("escape_rate", "mean_cycles", "forgetting_cycles", "tol", "diffusion")
 
     def places(self) -> dict[str, Any]:
         """Numbers of the modes, and the middles of the bins."""

@@ -28,7 +28,7 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
     """Draw survival, also on a logarithmic axis, differences from the first result, and leakage per cycle and side.
 
     Samples are drawn with their 95 % intervals. The interval of a difference supposes that both results have the same
-    distribution.
+    distribution. Returns the path.
 
     Parameters
     ----------
@@ -38,11 +38,6 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
         Two to four results, whose scenes differ in the noise alone; the first is the reference.
     title : str
         By default survival in the end, and the largest difference from the first result.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
 
     Examples
     --------
@@ -153,23 +148,17 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
 
     The height of a surface is the probability in a bin around the point divided by the area of the bin, for all engines
     alike. Panels of one cycle share their axes. The height of a wall at the overturning angle is the probability of
-    having overturned to that side; its scale goes up to 1. A start from a point is drawn as a needle.
+    having overturned to that side; its scale goes up to 1. A start from a point is drawn as a needle. Returns the path.
 
     Parameters
     ----------
     path : path
         File to write; the suffix chooses the format.
     results : sequence of SurvivalResult
-        Results whose scenes differ in the noise alone, drawn from top to bottom.
+        Drawn from top to bottom; their scenes differ in the noise alone.
     cycles : sequence of int
-        Cycles, drawn from left to right, three in a row; four in two rows.
+        Drawn from left to right, three in a row; four in two rows.
     title : str
-        Title of the figure.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
 
     Examples
     --------
@@ -295,14 +284,10 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
 
     Parameters
     ----------
-    path : path
-        File to write; the suffix chooses the format.
-    results : sequence of SurvivalResult
-        Results whose scenes differ in the noise alone, drawn from top to bottom.
+    path, results, title
+        As of `surface_figure`.
     cycles : sequence of int
-        Cycles, each at least 1, drawn from left to right.
-    title : str
-        Title of the figure.
+        Each at least 1, drawn from left to right.
 
     Examples
     --------

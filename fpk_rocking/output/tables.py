@@ -181,15 +181,12 @@ _SECONDS_BETWEEN_LINES = 10.0
 def reporting(label: str) -> Iterator[Progress]:
     """Show the progress of one piece of work on standard error: ``with reporting("density") as progress: ...``.
 
+    Yields the `progress` that engines accept, called with ``(done, total)``.
+
     Parameters
     ----------
     label : str
         Name of the work.
-
-    Yields
-    ------
-    callable
-        Takes ``(done, total)``: the `progress` that engines accept.
 
     Examples
     --------

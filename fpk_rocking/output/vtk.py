@@ -30,19 +30,17 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
     """Write the joint density of angle and velocity after each of some cycles as VTK files, for ParaView for example.
 
     A density is written on its own mesh; each cell is cut into as many pieces a side as its polynomial degree, so that
-    the values at the points determine the polynomial. An ensemble is written as a histogram. A start from a point has
-    no density: its file holds an empty mesh and one vertex of probability 1.
+    the values at the points determine the polynomial. A sample is written as a histogram. A start from a point has no
+    density: its file holds an empty mesh and one vertex of probability 1.
 
     Parameters
     ----------
     folder : path
-        Folder of the files; created if missing.
+        Created if missing.
     name : str
-        First part of their names: ``<name>.pvd``, ``<name>_0000.vtu``, ...
+        First part of the names of files: ``<name>.pvd``, ``<name>_0000.vtu``, ...
     result : SurvivalResult
-        Result of any engine.
     cycles : sequence of int
-        Cycles to write.
 
     Returns
     -------
@@ -68,21 +66,15 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
 
 
 def write_function(file: File, function: Any, name: str) -> pathlib.Path:
-    """Write a `Density`, or a `PlaneMap`, on its mesh as a VTK file.
+    """Write a `Density`, or a `PlaneMap`, on its mesh as a VTK file; returns its path.
 
     Parameters
     ----------
     file : path
-        File to write, with the suffix .vtu; its folder is created if missing.
+        With the suffix .vtu; its folder is created if missing.
     function : Density or PlaneMap
-        The function.
     name : str
         Name of its values in the file.
-
-    Returns
-    -------
-    pathlib.Path
-        The file written.
 
     Examples
     --------

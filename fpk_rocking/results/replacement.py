@@ -20,7 +20,7 @@ from fpk_rocking.results.trust import REPLACED
 class Replacement:
     """Probabilities by paths under the noise of the scene, less those by a density with another noise in its place.
 
-    Row k is that of the density. Its three columns are survival, overturned to the left and overturned to the right.
+    Row k is that of the density. The columns are survival, overturned to the left and overturned to the right.
 
     Attributes
     ----------
@@ -28,14 +28,8 @@ class Replacement:
         Probability by the paths less that by the density.
     sampling_error : ndarray, shape (cycles + 1, 3)
         Sampling error of the difference, 95 %: from the share of the paths to the farther end of Wilson's interval.
-    method : str
-        Engine of the paths, as in "exact".
-    realizations : int
-        Number of paths.
-    seed : int
-        Of the paths.
-    wall_s : float
-        Seconds that the paths took.
+    method, realizations, seed, wall_s
+        Engine, number, seed and seconds of the paths.
 
     Examples
     --------
@@ -56,6 +50,9 @@ class Replacement:
     def total(self, numerics: float) -> Array:
         """Return total errors of the density's probabilities: numerics + |difference| + sampling error.
 
+        The density's probability ± this contains Wilson's 95 % interval of the paths, so in each row it contains the
+        probability under the noise of the scene in at least 95 % of all cases.
+
         Parameters
         ----------
         numerics : float
@@ -64,14 +61,12 @@ class Replacement:
         Returns
         -------
         ndarray, shape (cycles + 1, 3)
-            The density's probability ± this contains Wilson's 95 % interval of the paths, so it contains the
-            probability under the noise of the scene in at least 95 % of all cases, in each row.
         """
         return numerics + np.abs(self.difference) + self.sampling_error
 
     @property
     def plain(self) -> dict[str, Any]:
-        """A dict of all fields by name as plain values, for JSON, and "columns", the names of the columns."""
+        """All fields by name as plain values, for JSON, and "columns", the names of the columns."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return plain(values | {"columns": ["survival", "overturned left", "overturned right"]})
 

@@ -96,7 +96,7 @@ class Result:
         Parameters
         ----------
         path : str or pathlib.Path
-            File to write, by custom with the suffix .npz; its folder is created if missing.
+            By custom with the suffix .npz; its folder is created if missing.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Result:
 
     @classmethod
     def load(cls, path: File) -> Self:
-        """Load a saved result of this class from a file, whose checksum is verified.
+        """Load a saved result of this class, whose checksum is verified.
 
         Parameters
         ----------
@@ -162,28 +162,28 @@ class Result:
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """All observations by which this result is judged: on the model, then error figures with their limits."""
+        """Observations by which this result is judged: on the model, then error figures with their limits."""
         tolerances = {name: getattr(self, name) for name in ("tol", "bins_tol") if hasattr(self, name)}
         return [*self.model_diagnostics(), *assess(self.error_figures, **tolerances)]
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return a list of `Diagnostic`: known errors of the model for this scene, whatever those of the method."""
+        """Return known errors of the model for this scene, whatever those of the method."""
         return scene_diagnostics(self.scene, getattr(self, "noise_replacement", ""))
 
     @property
     def error_figures(self) -> dict[str, Any]:
-        """Error figures, numbers or arrays by name: the attributes named in `DIAGNOSTICS` that are not None."""
+        """Error figures by name: the attributes named in `DIAGNOSTICS` that are not None."""
         values = {name: getattr(self, name, None) for name in DIAGNOSTICS}
         return {name: value for name, value in values.items() if value is not None}
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok", a sentence, if no error figure has a limit; empty where there has to be one."""
+        """Reason of the verdict "ok" if no error figure has a limit; empty where there has to be one."""
         return ""
 
     @functools.cached_property
     def trust(self) -> Trust:
-        """The named tuple `Trust`: `verdict`, "ok", "caution" or "do not use", and `reasons`, sentences."""
+        """The verdict, "ok", "caution" or "do not use", with its reasons."""
         return verdict(self.diagnostics, self.reason_if_ok)
 
     @property
@@ -216,7 +216,7 @@ class Result:
         return f"{type(self).__name__}: {self.title}"
 
     def _repr_html_(self) -> str:
-        """Result as HTML (str) for a notebook: title, figures, verdict and picture."""
+        """HTML for a notebook: title, verdict, picture and figures."""
         from fpk_rocking.results.pictures import picture_html
 
         rows = "".join(
@@ -266,7 +266,6 @@ class Result:
         Parameters
         ----------
         path : str or pathlib.Path
-            File to write.
         """
         columns = self.table()
         storage.write_csv(path, columns, zip(*(column.tolist() for column in columns.values()), strict=True))
@@ -288,12 +287,12 @@ class Result:
         return _optional("xarray").Dataset(arrays, places, about)
 
     def _figures(self):
-        """Dict of the single numbers and texts among the metadata, by name."""
+        """Single numbers and texts among the metadata."""
         return {name: value for name, value in self.metadata.items() if isinstance(value, str | int | float)}
 
 
 def _optional(name):
-    """Import pandas or xarray, by `name`, and return the module; ModuleNotFoundError says how to install it."""
+    """Import pandas or xarray; where it lacks, say how to install it."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:

@@ -23,7 +23,7 @@ class RowResult(Result):
     row_dims = ("time",)
 
     def places(self) -> dict[str, Any]:
-        """Places along the dimensions by name: "cycle" where the forcing repeats, "time" τ, and "time_s" in seconds."""
+        """Places along the dimensions: "cycle" where the forcing repeats, "time" τ, and "time_s" in seconds."""
         cycle = {} if self.cycles is None else {"cycle": ("time", np.arange(len(self.times)))}
         seconds = {} if self.time_s is None else {"time_s": ("time", self.time_s)}
         return cycle | {"time": self.times} | seconds
@@ -35,7 +35,7 @@ class RowResult(Result):
 
     @property
     def time_s(self) -> Array | None:
-        """Times of the rows in seconds, shape (rows,); None where the size of the block is unknown."""
+        """Times of the rows in seconds; None where the size of the block is unknown."""
         size = self.scene.block.size
         return None if size is None else size.seconds(np.asarray(self.times))
 
@@ -46,7 +46,7 @@ class RowResult(Result):
 
     @property
     def row_values(self) -> Array:
-        """Rows as `row_label` counts them, (rows,): whole cycles; else times, in seconds or, without a size, in τ."""
+        """Rows as `row_label` counts them, (rows,)."""
         if self.cycles is not None:
             return np.arange(len(self.times))
         return np.asarray(self.times) if self.time_s is None else self.time_s
@@ -68,12 +68,13 @@ class SurvivalResult(RowResult):
     """Survival and overturning of the blocks of a scene; `compare`, tables, pictures and VTK files take such results.
 
     Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
-    row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
+    row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k. A subclass has ``_binned(row, edges)``
+    for `bin_probabilities`, and ``overturning_text()``, the last probability of overturning with its error. A density
+    has ``at(cycle)``, itself as a function on a mesh.
 
     Attributes
     ----------
     scene : Scene
-        The scene that was given.
     times : ndarray, shape (cycles + 1,)
         Times τ of the rows, from 0 on.
     survival : ndarray, shape (cycles + 1,)
@@ -92,13 +93,6 @@ class SurvivalResult(RowResult):
         Which noise replaced that of the scene, as a sentence; empty where none did.
     shown_bins : int
         Least number of bins along an axis in pictures; 0 where only some bins are known.
-
-
-    Notes
-    -----
-    A subclass has ``_binned(row, edges)``, what `bin_probabilities` returns, of checked input, and
-    ``overturning_text()``, the last probability of overturning with its error, as in "P(overturned) = 0.5 ± 0.02". A
-    density has ``at(cycle)`` besides, itself as a function on a mesh.
 
     Examples
     --------
@@ -143,7 +137,7 @@ class SurvivalResult(RowResult):
 
     @property
     def bin_edges(self) -> tuple[Array, Array]:
-        """Edges of the bins in pictures and tables: angles (n + 1,) and velocities (m + 1,), nondimensional."""
+        """Edges of the bins in pictures and tables, in angle and in velocity, nondimensional."""
         return joint_edges(self.scene)
 
     @property
@@ -164,7 +158,7 @@ class SurvivalResult(RowResult):
         return f"{self.label}, survival {error} after {until}"
 
     def summary(self) -> dict[str, Any]:
-        """Return a dict for JSON: "noise", "cycles" (their number) or "times" (τ), and all of `Result.summary`."""
+        """Return a dict for JSON: "noise", "cycles" (their number) or "times" τ, and all of `Result.summary`."""
         rows = {"times": np.asarray(self.times).tolist()} if self.cycles is None else {"cycles": int(self.cycles)}
         return {"noise": noise_text(self.scene.noise)} | rows | super().summary()
 
@@ -187,10 +181,10 @@ class SurvivalResult(RowResult):
         Parameters
         ----------
         cycle : int
-            Number of the row: of the cycle, from 0 to ``cycles``, or of one of the ``times``.
+            Number of the row, from 0.
         angle_edges, velocity_edges : array_like
-            Ascending bin edges, nondimensional; the bins are those of `numpy.histogram2d`. Of a `Tally` they have to be
-            among the edges that were counted.
+            Ascending, nondimensional; the bins are those of `numpy.histogram2d`. Of a `Tally` they have to be among the
+            edges that were counted.
 
         Returns
         -------

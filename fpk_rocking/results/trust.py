@@ -36,17 +36,17 @@ tolerance that was asked for, where that is larger."""
 
 
 class Diagnostic(NamedTuple):
-    """One observation by which a result is judged: an error figure with its limit, or what is known about the model.
+    """An observation by which a result is judged: an error figure with its limit, or what is known about the model.
 
     Parameters
     ----------
     severity : int
         0 where it does not speak against the result, else `CAUTION` or `UNUSABLE`.
     message : str
-        What it is, as a sentence with the figure and the limit; empty for a figure that has no limit.
+        A sentence with the figure and the limit; empty for a figure that has no limit.
     name : str
-        Name of the figure, one of `DIAGNOSTICS`, or of the kind of observation, of which one is told where many results
-        are shown together. Without a name an observation is told wherever its message is another.
+        Of the figure, one of `DIAGNOSTICS`, or of the kind of observation: where many results are shown together, one
+        of a kind is told. Without a name an observation is told wherever its message is another.
     value : float, optional
         The error figure; None for an observation about the model.
 
@@ -66,7 +66,7 @@ class Diagnostic(NamedTuple):
 
     @property
     def kind(self) -> str:
-        """Text that diagnostics of one kind share: the name, or the message where there is none."""
+        """What diagnostics of one kind share: the name, or the message where there is none."""
         return self.name or self.message
 
 

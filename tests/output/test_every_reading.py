@@ -86,6 +86,21 @@ def test_datasets_and_data_frames_are_the_arrays(name):
         equal(frame[column].to_numpy(values.dtype), values, column)
 
 
+@pytest.mark.parametrize("name", [name for name in KINDS if type(kind(name).result).kind])
+def test_every_file_comes_back(name, tmp_path):
+    result = kind(name).result
+    result.save(tmp_path / "result.npz")
+    loaded = type(result).load(tmp_path / "result.npz")
+    assert repr(loaded) == repr(result)
+    for column, values in kind(name).columns.items():
+        equal(loaded.table()[column], values, column)
+
+
+def test_a_class_without_files_says_so(tmp_path):
+    with pytest.raises(TypeError, match="Sweep: results of this class have no files"):
+        kind("sweep").result.save(tmp_path / "sweep.npz")
+
+
 def printed(table):
     """Texts of a table by their header; of two equal headers as a list of columns."""
     texts_of = {}
