@@ -19,7 +19,6 @@ from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
 from montecarlo.engines.filtered import parameters_of, workspace_of
 from montecarlo.engines.filtered_noise import (
     bound_noise,
-    bound_part,
     draw_first_states,
     draw_next_interval,
     draw_parts,
@@ -206,9 +205,9 @@ def _write_filtered_noise(keys, parameters, places, values):
                 draw_parts(tables.parts, noise)
                 part = min(int(parts * share), parts - 1)
                 share = parts * share - part
-                bound_part(j, part, tables.parts, parameters.envelope, noise)
+                bound_noise(j, tables.parts, noise.parts[part], parameters.envelope, noise, 0.0)
             else:
-                bound_noise(j, tables, parameters.envelope, noise, 0.0)
+                bound_noise(j, tables, noise.drawn, parameters.envelope, noise, 0.0)
             for last in range(row.size - 1, 0, -1):
                 for i in range(last):
                     row[i] += share * (row[i + 1] - row[i])

@@ -223,7 +223,7 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, side, block)
     diffusion = parameters.diffusion[j] * share * share
-    force, slope = value_and_slope(parameters.force[j], time)
+    force, slope = value_and_slope(parameters.forcing.force[j], time)
     pull = -acceleration(0.0, side, force, block)
     if not w < parameters.brief * pull:
         return w, 0, time
@@ -232,9 +232,10 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
         return w, 0, time
     half = 2.0 * w / (pull + math.sqrt(disc))
     if time + half <= span:
-        middle, rate = value_and_slope(parameters.force[j], time + half)
+        middle, rate = value_and_slope(parameters.forcing.force[j], time + half)
     else:
-        middle, rate = value_and_slope(parameters.force[(j + 1) % parameters.low.size], time + half - span)
+        following = (j + 1) % parameters.grid.count
+        middle, rate = value_and_slope(parameters.forcing.force[following], time + half - span)
     chord = (middle - force) / half
     growth = -side * share * (rate + 0.6 * (slope + rate) - 1.2 * chord)
     mean = middle + half * (slope / 3.0 + rate * 2.0 / 3.0 - chord)
@@ -250,7 +251,7 @@ def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     if (
         time + latest > until
         or lost > TUNING.bounce_lost
-        or parameters.curvature[j] * latest * latest > TUNING.bounce_curved * pull
+        or parameters.forcing.force_curvature[j] * latest * latest > TUNING.bounce_curved * pull
     ):
         return w, 0, time
     duration, speed = first_return(stream, w, pull, growth, diffusion, math.sqrt((1.0 - lost) * w * pull / diffusion))

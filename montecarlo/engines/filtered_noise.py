@@ -304,35 +304,24 @@ def draw_parts(tables, noise):
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def _write_bernstein(j, shape, drawn, bernstein, margin, envelope):
-    """Write `shape` @ `drawn` to `bernstein` (d + 1,); return bounds (low, high) of the noise times its envelope.
+def bound_noise(j, tables, drawn, envelope, noise, margin):
+    """Write the noise in interval j, or in a part of it, to `noise.bernstein`; return bounds (low, high) with envelope.
 
-    The polynomial lies between its coefficients, and the noise not farther from it than a `margin`.
+    `tables` and `drawn` (2n + 2,) are those of the interval or the part. The polynomial lies between its coefficients,
+    and the noise not farther from it than a `margin`.
     """
     low, high = math.inf, -math.inf
-    for i in range(bernstein.size):
+    for i in range(noise.bernstein.size):
         value = 0.0
         for k in range(drawn.size):
-            value += shape[i, k] * drawn[k]
-        bernstein[i] = value
+            value += tables.shape[i, k] * drawn[k]
+        noise.bernstein[i] = value
         low, high = min(low, value), max(high, value)
     low, high = low - margin, high + margin
     if envelope.strongest.size > 0:
         most = envelope.strongest[j]
         return min(most * low, 0.0), max(most * high, 0.0)
     return low, high
-
-
-@kernel(fastmath={"contract"}, forceinline=True)
-def bound_noise(j, tables, envelope, noise, margin):
-    """Write the noise in interval j to `noise.bernstein`; return its bounds, with the envelope and a `margin`."""
-    return _write_bernstein(j, tables.shape, noise.drawn, noise.bernstein, margin, envelope)
-
-
-@kernel(fastmath={"contract"})
-def bound_part(j, k, tables, envelope, noise):
-    """As `bound_noise`, in part k of interval j, without a margin."""
-    return _write_bernstein(j, tables.shape, noise.parts[k], noise.bernstein, 0.0, envelope)
 
 
 @kernel(fastmath={"contract"})

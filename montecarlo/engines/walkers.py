@@ -31,12 +31,10 @@ import numpy as np
 
 from fpk_rocking.base.arrays import borrowed, own
 from fpk_rocking.base.jit import kernel, run_in_parts
-from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     Segment,
     block_of_scene,
-    force_from_particular,
     restitution_from,
     saddle,
 )
@@ -44,7 +42,7 @@ from fpk_rocking.physics.motion.events import Event, next_event
 from fpk_rocking.physics.motion.flight import unstable_coordinate
 from fpk_rocking.physics.motion.impact import velocity_after_impact
 from montecarlo.engines.random import draw_start, open_stream, uniform
-from montecarlo.engines.white import first_side, step_interval
+from montecarlo.engines.white import first_side, segment_at, segments_of, step_interval
 from montecarlo.tuning import TUNING
 
 
@@ -133,15 +131,11 @@ def _branch(population, i, parent, level):
 class NoiselessForcing(NamedTuple):
     """The forcing from each of m equally spaced times of a cycle on, over `stride` of the intervals between them.
 
-    `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of `duration`; `count` of them make up
-    the time for which the motion without noise is followed.
+    `segments` (`white.segments_of`) of `duration`; `count` of them make up the time for which the motion without noise
+    is followed.
     """
 
-    particular: np.ndarray
-    force: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    curvature: np.ndarray
+    segments: Segment
     duration: float
     stride: int
     count: int
@@ -178,12 +172,8 @@ def _noiseless_forcing(scene, intervals, span):
     # Segments as long as their polynomials are good to 1e-6.
     stride = max(1, int(min(0.8, scene.forcing.longest_piece) / span))
     duration = stride * span
-    particular, force = scene.forcing.pieces(np.arange(intervals) * span), np.empty((intervals, TERMS))
-    low, high, curvature = np.empty((3, intervals))
-    for j in range(intervals):
-        low[j], high[j], curvature[j] = force_from_particular(particular[j], duration, force[j])
-    ahead = (duration, stride, math.ceil(TUNING.foresight / duration), block_of_scene(scene))
-    return NoiselessForcing(particular, force, low, high, curvature, *ahead)
+    segments = segments_of(scene.forcing.pieces(np.arange(intervals) * span), duration)
+    return NoiselessForcing(segments, duration, stride, math.ceil(TUNING.foresight / duration), block_of_scene(scene))
 
 
 @kernel(inline="always")
@@ -198,12 +188,10 @@ def _follow(u, w, side, j, forcing):
 
     The path is followed until it escapes or comes to rest, or for the foresight at most.
     """
-    best = _distance(u, w, side, forcing.particular[j], 0.0, forcing.block)
+    best = _distance(u, w, side, forcing.segments.particular[j], 0.0, forcing.block)
     x, v = side * u, side * w
     for _ in range(forcing.count):
-        segment = Segment(
-            forcing.particular[j], forcing.force[j], forcing.low[j], forcing.high[j], forcing.curvature[j]
-        )
+        segment = segment_at(forcing.segments, j)
         t = 0.0
         while t < forcing.duration and best <= 0.0:
             kind, t, x, v = next_event(x, v, side, segment, t, forcing.duration, forcing.block)
@@ -212,8 +200,8 @@ def _follow(u, w, side, j, forcing):
                 return best
             if kind == Event.IMPACT:
                 v, side = velocity_after_impact(v, restitution_from(side, forcing.block)), -side
-                best = max(best, _distance(0.0, side * v, side, forcing.particular[j], t, forcing.block))
-        j = (j + forcing.stride) % forcing.low.size
+                best = max(best, _distance(0.0, side * v, side, segment.particular, t, forcing.block))
+        j = (j + forcing.stride) % forcing.segments.force.shape[0]
     return best
 
 

@@ -22,13 +22,13 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.physics.motion import CRITICAL_RESTITUTION, TERMS
+from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     Segment,
     block_of_scene,
     dispatch_on_block,
-    segment_from_particular,
+    force_from_particular,
     value_and_slope,
 )
 from fpk_rocking.physics.motion.events import advance_through_events, folded_angle_bounds
@@ -49,9 +49,9 @@ from montecarlo.tuning import TUNING
 class WhiteParameters(NamedTuple):
     """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
 
-    `start` (5,): see `start_parameters`. `particular`, `force` (m, TERMS), `low`, `high`, `curvature` (m,): segments of
-    the forcing; `stages` (m, 3): its values at their beginning, middle and end. `diffusion` (m,): D, 0 where it counts
-    as none (`mean_squares`). `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0),
+    `start` (5,): see `start_parameters`. `forcing`: see `segments_of`; `stages` (m, 3): its values at the beginning,
+    middle and end of intervals. `diffusion` (m,): D, 0 where it counts as none (`mean_squares`).
+    `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0),
     indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of an interval's duration; `spread` (m, 3):
     Cholesky factor of the noise that a slender block gathers. `shortest`: duration of the shortest step. `brief`: half
     the duration of the longest bounce that is one draw. `reach`: the distance in standard deviations of the angle that
@@ -64,11 +64,7 @@ class WhiteParameters(NamedTuple):
     grid: TimeGrid
     diffusion: np.ndarray
     start: np.ndarray
-    particular: np.ndarray
-    force: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    curvature: np.ndarray
+    forcing: Segment
     stages: np.ndarray
     drift: np.ndarray
     hyperbolic: np.ndarray
@@ -81,13 +77,28 @@ class WhiteParameters(NamedTuple):
 
 
 @kernel
-def _write_segments(particular, span, force, low, high, curvature, stages, drift, block):
-    """Write the tables `force` to `drift` by P, `particular` (m, TERMS), for intervals of a duration `span`."""
+def segments_of(particular, duration):
+    """Return a `Segment` of arrays (m, TERMS) and (m,): the forcing over m segments of a duration, by P (m, TERMS)."""
+    force, (low, high, curvature) = np.empty_like(particular), np.empty((3, particular.shape[0]))
     for j in range(low.size):
-        segment = segment_from_particular(particular[j], force[j], span)
-        low[j], high[j], curvature[j] = segment.force_low, segment.force_high, segment.force_curvature
+        low[j], high[j], curvature[j] = force_from_particular(particular[j], duration, force[j])
+    return Segment(particular, force, low, high, curvature)
+
+
+@kernel(inline="always")
+def segment_at(segments, j):
+    """Return number j of `segments_of`."""
+    low, high, curvature = segments.force_low[j], segments.force_high[j], segments.force_curvature[j]
+    return Segment(segments.particular[j], segments.force[j], low, high, curvature)
+
+
+@kernel
+def _write_tables(forcing, span, stages, drift, block):
+    """Write `stages` (m, 3) and `drift` (m, 2, 2) for intervals of a duration `span`."""
+    for j in range(stages.shape[0]):
+        segment = segment_at(forcing, j)
         for k in range(3):
-            stages[j, k] = value_and_slope(force[j], 0.5 * k * span)[0]
+            stages[j, k] = value_and_slope(segment.force, 0.5 * k * span)[0]
         for k in range(2):
             drift[j, k, 0], drift[j, k, 1] = slender_flight_end(0.0, 0.0, 2 * k - 1, segment, 0.0, span, block)
 
@@ -128,25 +139,26 @@ def parameters_of(scene, steps_per_cycle, times=None):
     grid = time_grid(scene, longest if envelope is None else min(longest, envelope.spacing), times)
     intervals, span = grid.count, grid.spacing
     diffusions = diffusion * mean_squares(envelope, span * np.arange(intervals + 1))
-    tables = [np.empty((intervals, *shape)) for shape in ((TERMS,), (), (), (), (3,), (2, 2))]
-    particular = scene.forcing.pieces(np.arange(intervals) * span)
-    _write_segments(particular, span, *tables, block_of_scene(scene))
+    block, forcing = block_of_scene(scene), segments_of(scene.forcing.pieces(np.arange(intervals) * span), span)
+    stages, drift = np.empty((intervals, 3)), np.empty((intervals, 2, 2))
+    _write_tables(forcing, span, stages, drift, block)
     xx, _, _ = flight_covariance(1.0, span)
     roots = scene.block.largest_scale * np.sqrt(diffusions)
     return WhiteParameters(
-        block_of_scene(scene),
-        grid,
-        diffusions,
-        start_parameters(scene.start),
-        particular,
-        *tables,
-        np.array([math.cosh(span), math.sinh(span)]),
-        _noise_factors(diffusions, envelope, span),
-        scene.forcing.time_scale / (TUNING.finest_step * steps_per_cycle),
-        TUNING.bounce_time * span,
-        TUNING.barrier_distance * math.sqrt(xx / span**3) * roots,
-        TUNING.barrier_distance * math.sqrt(xx) * roots,
-        scene.repeats and scene.period is not None,
+        block=block,
+        grid=grid,
+        diffusion=diffusions,
+        start=start_parameters(scene.start),
+        forcing=forcing,
+        stages=stages,
+        drift=drift,
+        hyperbolic=np.array([math.cosh(span), math.sinh(span)]),
+        spread=_noise_factors(diffusions, envelope, span),
+        shortest=scene.forcing.time_scale / (TUNING.finest_step * steps_per_cycle),
+        brief=TUNING.bounce_time * span,
+        reach=TUNING.barrier_distance * math.sqrt(xx / span**3) * roots,
+        margin=TUNING.barrier_distance * math.sqrt(xx) * roots,
+        repeats=scene.repeats and scene.period is not None,
     )
 
 
@@ -181,9 +193,7 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
     """
     span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
-    segment = Segment(
-        parameters.particular[j], parameters.force[j], parameters.low[j], parameters.high[j], parameters.curvature[j]
-    )
+    segment = segment_at(parameters.forcing, j)
     if start == 0.0 and end == span and is_clear(u, w, side, j, parameters):
         first, second = normal(stream), normal(stream)
         u, w = _draw(u, w, side, first, second, j, parameters, parameters.block)
@@ -221,8 +231,9 @@ def _undisturbed(u, w, side, segment, start, end, parameters, impacts, origin):
 @kernel
 def is_clear(u, w, side, j, parameters):
     """Whether a block surely keeps 4 standard deviations from both barriers, x = 0 and the cut-off, in interval j."""
+    forcing = parameters.forcing
     below, above = folded_angle_bounds(
-        u, w, side, parameters.low[j], parameters.high[j], parameters.grid.spacing, parameters.block
+        u, w, side, forcing.force_low[j], forcing.force_high[j], parameters.grid.spacing, parameters.block
     )
     return below >= parameters.margin[j] and parameters.block.cutoff - above >= parameters.margin[j]
 
@@ -233,7 +244,7 @@ def first_side(x, v, parameters):
 
     Otherwise the first step would begin with an impact.
     """
-    push = v if v != 0.0 else parameters.force[0, 0]
+    push = v if v != 0.0 else parameters.forcing.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 
 

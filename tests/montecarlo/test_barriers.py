@@ -140,13 +140,13 @@ def bounce_errors(share, angle):
     parameters, block = white.parameters_of(scene, 200), KernelBlock(0.9, 1.5, angle or None)
     parameters = parameters._replace(brief=2.0 * parameters.grid.spacing)
     stream, begin, errors = open_stream(stream_keys(1), 1), 0.3 * parameters.grid.spacing, {}
-    for j in range(parameters.low.size):
+    for j in range(parameters.grid.count):
         for side in (-1, 1):
-            pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, parameters.force[j]) * math.cos(angle)
+            pull = 1.0 - side * np.polynomial.polynomial.polyval(begin, parameters.forcing.force[j]) * math.cos(angle)
             speed = share * parameters.grid.spacing * pull
             after, overturned, end = draw_bounce(stream, speed, side, j, begin, math.inf, parameters, None, 0.0)
             if overturned != 0:
-                segment = Segment(parameters.particular[j], parameters.force[j], -1.0, 1.0, 200.0)
+                segment = Segment(parameters.forcing.particular[j], parameters.forcing.force[j], -1.0, 1.0, 200.0)
                 _, time, _, v = next_event(
                     0.0, side * speed, side, segment, begin, 10.0 * parameters.grid.spacing, block
                 )
