@@ -210,7 +210,8 @@ def _takes_parts(state, side, parameters):
 def _try_step(state, side, _number, j, parameters, workspace):
     """Whether interval j surely has no event, and the state at its end."""
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
-    low, high = bound_noise(j, parameters.noise, workspace.noise.drawn, parameters.envelope, workspace.noise, margin)
+    noise, envelope = workspace.noise, parameters.envelope
+    low, high = bound_noise(j, parameters.noise.shape, noise.drawn, noise.bernstein, envelope, margin)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
     if side == 0:
         return not can_lift_off(low, high, parameters.block), state
@@ -302,7 +303,7 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
         if begin >= until:
             break
         if count > 1:
-            low, high = bound_noise(j, parameters.noise.parts, noise.parts[part], envelope, noise, 0.0)
+            low, high = bound_noise(j, parameters.noise.parts.shape, noise.parts[part], noise.bernstein, envelope, 0.0)
             if side == 0 and not can_lift_off(low + parameters.low[j], high + parameters.high[j], block):
                 continue
             write_polynomial(parameters.noise.parts, noise)

@@ -304,18 +304,18 @@ def draw_parts(tables, noise):
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def bound_noise(j, tables, drawn, envelope, noise, margin):
-    """Write the noise in interval j, or in a part of it, to `noise.bernstein`; return bounds (low, high) with envelope.
+def bound_noise(j, shape, drawn, bernstein, envelope, margin):
+    """Write the noise in interval j, or a part of it, `shape` @ `drawn`, to `bernstein` (d + 1,); return its bounds.
 
-    `tables` and `drawn` (2n + 2,) are those of the interval or the part. The polynomial lies between its coefficients,
-    and the noise not farther from it than a `margin`.
+    (low, high) are with the envelope: the polynomial lies between its coefficients, and the noise not farther from it
+    than a `margin`.
     """
     low, high = math.inf, -math.inf
-    for i in range(noise.bernstein.size):
+    for i in range(bernstein.size):
         value = 0.0
         for k in range(drawn.size):
-            value += tables.shape[i, k] * drawn[k]
-        noise.bernstein[i] = value
+            value += shape[i, k] * drawn[k]
+        bernstein[i] = value
         low, high = min(low, value), max(high, value)
     low, high = low - margin, high + margin
     if envelope.strongest.size > 0:
