@@ -15,14 +15,9 @@ from fpk_rocking.base.checks import Array, ArrayLike, Number
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import floor as forces
 from fpk_rocking.scene.scene import Scene
+from montecarlo.engines import filtered
 from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
-from montecarlo.engines.filtered import parameters_of, workspace_of
-from montecarlo.engines.filtered_noise import (
-    bound_noise,
-    draw_first_states,
-    draw_next_interval,
-    draw_parts,
-)
+from montecarlo.engines.filtered import bound_noise, draw_first_states, draw_next_interval, draw_parts, workspace_of
 from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
 from montecarlo.results.ensemble import Histories
 
@@ -177,7 +172,7 @@ def _band_noise(scene, seed, count, times):
 
 def _filtered_noise(scene, seed, count, steps_per_cycle, times):
     """Return filtered noise (count, n) without its envelope, by its polynomials in the intervals of the run."""
-    parameters = parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
+    parameters = filtered.parameters_of(scene, steps_per_cycle, None if scene.repeats else times[1:])
     values = np.empty((count, times.size))
     _write_filtered_noise(stream_keys(seed), parameters, times / parameters.grid.spacing, values)
     return values

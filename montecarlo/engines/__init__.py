@@ -3,7 +3,7 @@
 `engine` says what an engine is and has the loop over time; `batches` checks the parameters of a run and yields its
 realizations; `random` has their random numbers. An engine is a file: `exact_slender`, `exact_enveloped` and
 `exact_block` (with `exact`, what they share) and `rk4`, for band noise or none (`band_noise`); `white` (with
-`barriers`); `filtered` (with `filtered_noise`). `walkers` has the kernels of `montecarlo.splitting`.
+`barriers`); `filtered`. `walkers` has the kernels of `montecarlo.splitting`.
 """
 
 from fpk_rocking.base import checks

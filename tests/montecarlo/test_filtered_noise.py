@@ -13,7 +13,7 @@ from filtered_scenes import LOW_PASS, NOISES, SOIL, THIRD, scene_of
 from fpk_rocking import FilteredNoise
 from fpk_rocking.envelopes import Table, Trapezoid
 from fpk_rocking.results.remarks import noise_text
-from montecarlo.engines import filtered, filtered_noise
+from montecarlo.engines import filtered
 from montecarlo.engines.engine import TimeGrid
 from montecarlo.engines.random import open_stream, stream_keys
 
@@ -66,11 +66,11 @@ def test_the_polynomial_moves_a_flight_by_what_was_drawn(noise, intervals):
     """A flight by the polynomial ends where the drawn one does, to rounding, and the polynomial has the drawn noise."""
     parameters = with_intervals(scene_of(noise), intervals)
     workspace, stream = filtered.workspace_of(parameters), open_stream(stream_keys(1), 0)
-    filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
+    filtered.draw_first_states(stream, parameters.noise, workspace.noise)
     output, rate = noise.space.output, noise.space.output @ noise.space.drift
     n, sigma = output.size, math.sqrt(noise.variance)
     for j in range(intervals):
-        filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
+        filtered.draw_next_interval(stream, parameters.noise, workspace.noise)
         drawn = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)[:2]
         bernstein = workspace.noise.bernstein.copy()
         end = interval(0.8, 0.1, 1, j, j, parameters, workspace, True)[:2]
@@ -92,7 +92,7 @@ def test_parts_of_intervals_have_the_law_of_the_noise(noise, n):
     Those of grid intervals as short have been compared with the autocovariance above. The largest of 4,656 differences
     of two sample covariances is below 5 standard errors but for a probability of 3e-3.
     """
-    scene, count = scene_of(noise), filtered_noise.TUNING.filtered_parts
+    scene, count = scene_of(noise), filtered.TUNING.filtered_parts
     coarse, fine = with_intervals(scene, 24), with_intervals(scene, 24 * count)
     assert len(coarse.noise.parts.gain) == count
     states, flights = parts_of(coarse, 2, n)
@@ -168,9 +168,9 @@ def test_a_flight_through_the_pieces_of_an_envelope_is_the_flight_over_the_inter
     noise = dataclasses.replace(LOW_PASS, envelope=Table((0.03, 0.31, 0.32, 0.6), (0.2, 1.5, 0.0, 1.0)))
     parameters = tables_over(scene_of(noise), 0.7)
     workspace, stream, cut = filtered.workspace_of(parameters), open_stream(stream_keys(1), 0), 0
-    filtered_noise.draw_first_states(stream, parameters.noise, workspace.noise)
+    filtered.draw_first_states(stream, parameters.noise, workspace.noise)
     for j in range(len(parameters.envelope.response)):
-        filtered_noise.draw_next_interval(stream, parameters.noise, workspace.noise)
+        filtered.draw_next_interval(stream, parameters.noise, workspace.noise)
         end_by_tables = interval(0.8, 0.1, 1, 0, j, parameters, workspace, False)
         assert interval(0.8, 0.1, 1, 0, j, parameters, workspace, True) == pytest.approx(end_by_tables, abs=1e-13)
         pieces = range(parameters.envelope.first[j], parameters.envelope.first[j + 1])

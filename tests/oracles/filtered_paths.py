@@ -7,8 +7,14 @@ import numpy as np
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.impact import side_of_start
 from montecarlo.engines.engine import TimeGrid
-from montecarlo.engines.filtered import ENGINE, parameters_on_grid, workspace_of
-from montecarlo.engines.filtered_noise import draw_first_states, draw_next_interval, draw_parts
+from montecarlo.engines.filtered import (
+    ENGINE,
+    draw_first_states,
+    draw_next_interval,
+    draw_parts,
+    parameters_on_grid,
+    workspace_of,
+)
 from montecarlo.engines.random import draw_start, open_stream, stream_keys
 
 try_step, build_force, step_with_events = ENGINE.try_step, ENGINE.build_force, ENGINE.step_with_events
