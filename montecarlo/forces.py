@@ -55,10 +55,7 @@ class ContactForces:
 
     @functools.cached_property
     def friction(self) -> Array:
-        """Friction coefficient |H|/N that a block needs so as not to slide, shape (realizations, n).
-
-        It is inf where the corner leaves the floor, N <= 0, and nan after overturning.
-        """
+        """Friction coefficient |H|/N that a block needs, (realizations, n): inf for N <= 0, nan after overturning."""
         pressed = self.normal > 0.0
         ratio = np.abs(self.horizontal) / np.where(pressed, self.normal, 1.0)
         return np.where(pressed | np.isnan(self.normal), ratio, np.inf)
@@ -180,10 +177,7 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 
 @kernel
 def _write_filtered_noise(keys, parameters, places, values):
-    """Write the noise at `places` (n,), ascending times in units of the grid's intervals, to `values` (count, n).
-
-    Noise without a derivative is that of the parts of its intervals, in which it lifts blocks off.
-    """
+    """Write the noise at `places`, in units of intervals, to `values` (count, n), where it has parts by these."""
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):
         stream, drawn = open_stream(keys, realization), -1

@@ -190,10 +190,7 @@ def _cycle_images(run, cycle):
 
 
 def mean_state(angle: Array, velocity: Array, side: Array, cutoff: float, overturned: str) -> tuple[Array, Array, int]:
-    """Return the mean (2,) of angle and velocity (n,), its standard error (2,), and how many states count.
-
-    The states are nan after overturning to a `side` (n,); what is not defined is nan.
-    """
+    """Return the mean (2,) of states (n,), nan after overturning to a side, its error (2,), and how many count."""
     states, over = np.stack([angle, velocity]), np.isnan(angle)
     if overturned == "left out":
         states = states[:, ~over]

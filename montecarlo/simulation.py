@@ -5,10 +5,10 @@ import time
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import ArrayLike, File, Progress
+from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
 from fpk_rocking.scene.ranges import ascending_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
-from montecarlo.engines.batches import checked_run, refuse_large, simulate_batches
+from montecarlo.engines.batches import Batch, checked_run, refuse_large, simulate_batches
 from montecarlo.results.counts import LARGEST, add, empty_counts
 from montecarlo.results.ensemble import Ensemble, Histories
 from montecarlo.results.tally import Checkpoint, Tally, resumed
@@ -149,7 +149,7 @@ def histories(
         if times is None:
             run = run._replace(times=np.linspace(0.0, run.times[-1], 1001))
     refuse_large(run, samples + TUNING.impacts_per_cycle)
-    parts = [(batch[1:5], _impacts_of(batch)) for batch in _batches_with_all_impacts(run, samples, progress)]
+    parts = [(batch[1:5], impacts_of(batch)) for batch in _batches_with_all_impacts(run, samples, progress)]
     states, impacts = (map(np.concatenate, zip(*rows, strict=True)) for rows in zip(*parts, strict=True))
     return Histories(
         scene,
@@ -177,7 +177,7 @@ def _batches_with_all_impacts(run, samples, progress):
             yield from simulate_batches(again, first=batch.first, samples=samples, capacity=needed)
 
 
-def _impacts_of(batch):
+def impacts_of(batch: Batch) -> tuple[Array, Array, Array]:
     """Return realization, time τ and velocity just before of all impacts of a `Batch`, (impacts,) each."""
     recorded = np.arange(batch.impacts.time.shape[1]) < batch.impacts.count[:, None]
     return batch.first + np.nonzero(recorded)[0], batch.impacts.time[recorded], batch.impacts.velocity[recorded]

@@ -111,10 +111,7 @@ class Splitting(Result):
 
     @property
     def effective_repeats(self) -> Array:
-        """Effective number of repeats, (Σp)²/Σp² over their estimates p, shape (cycles + 1,); 0 where none overturned.
-
-        It is the number of repeats where all agree, and 1 where one of them outweighs the others.
-        """
+        """Effective number of repeats, (Σp)²/Σp² over their estimates p, (cycles + 1,); 0 where none overturned."""
         squares = (self.repeat_probability**2).sum(axis=0)
         total = self.repeat_probability.sum(axis=0) ** 2
         return np.divide(total, squares, out=np.zeros_like(total), where=squares > 0.0)

@@ -64,10 +64,7 @@ def draw_start_and_noise(stream, start, band, harmonics):
 
 
 def largest_noise(noise, harmonics):
-    """Return a bound of |η| without its envelope, by the noise's `Band`; 0 without noise.
-
-    Equal amplitudes have a sum. Gaussian noise has none, but passes 12 standard deviations with a probability of 4e-33.
-    """
+    """Return a bound of |η| without its envelope; Gaussian noise passes its own, 12 deviations, once in 4e-33."""
     if harmonics.gaussian:
         return 12.0 * math.sqrt(noise.variance)
     return harmonics.weight * harmonics.harmonics

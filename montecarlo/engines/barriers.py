@@ -38,9 +38,9 @@ from montecarlo.tuning import TUNING
 def safe_step(gap, slope, bend, reach, limit, shortest):
     """Return the longest step h, up to `limit`, in which a gap between folded angle and barrier stays open.
 
-    The gap has a rate `slope`, and its second derivative is at least `bend` <= 0. It is open while gap + slope h + bend
-    h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. That is concave in h, so Newton's iteration
-    comes down on the root from above; it stops once nine tenths of `reach` are kept, or below `shortest`.
+    It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. With
+    bend <= 0 that is concave in h, so Newton's iteration comes down on the root from above; it stops once nine tenths
+    of `reach` are kept, or below `shortest`.
     """
     h = limit
     root = math.sqrt(h)
@@ -89,10 +89,7 @@ def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, o
 
 @kernel(inline="always")
 def nystrom_step(u, w, side, begin, middle, end, h, block):
-    """Return (u, w) after a step of Nyström's method of order 4, and κ cos φ halfway, the factor of the noise.
-
-    The method is that for forces which do not depend on the velocity; these are at its beginning, middle and end.
-    """
+    """Return (u, w) after a step of Nyström's method of order 4, and κ cos φ halfway, the factor of the noise."""
     first = acceleration(u, side, begin, block)
     halfway = u + 0.5 * h * (w + 0.25 * h * first)
     second = acceleration(halfway, side, middle, block)
@@ -215,10 +212,9 @@ def first_return(stream, speed, pull, growth, diffusion, least):
 def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
     """Draw a low bounce, from an impact at x = 0 in interval j to the next; return (speed, side, time) after it.
 
-    The block leaves at the speed `w` > 0. What is returned is (w, 0, time), and nothing happens, where the bounce is
-    not low enough, could last beyond `until`, or meets a pull that changes too much for a linear one. The linear pull
-    is that with the impulse and the first moment of the forcing, a cubic through its values and slopes at the beginning
-    and at the middle of the flight, less the mean of the angle.
+    It is (w, 0, time), and nothing happens, where the bounce is not low enough, could last beyond `until`, or meets a
+    pull that changes too much for a linear one. That has the impulse and the first moment of the forcing, a cubic
+    through its values and slopes at the beginning and at the middle of the flight, less the mean of the angle.
     """
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, side, block)

@@ -81,11 +81,10 @@ def refuse_large(run, per_cycle=1, instead=""):
 def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None, parameters=None, followed=None):
     """Yield the realizations of a run from `first` on as `Batch` after `Batch`, each simulated in parallel.
 
-    Those of a deterministic scene are one path. A cycle has `samples` states at equal times, 1 where there are no
-    cycles; of a realization's impacts `capacity` are kept. `cycle` is the one at which the run begins; times count from
-    τ = 0. `parameters` are those of the engine, where the caller has them. `followed`: how many realizations before
-    `first` were followed on to the fall (`Ensemble.returns`); None follows none. ``progress(done, total)`` is called
-    after each batch, and may raise.
+    Those of a deterministic scene are one path. A cycle has `samples` states at equal times; `capacity` impacts of a
+    realization are kept. The run begins at a `cycle`, times count from τ = 0. `parameters` are those of the engine,
+    where the caller has them. `followed`: how many realizations before `first` were followed on to the fall
+    (`Ensemble.returns`); None follows none. ``progress(done, total)`` is called after each batch, and may raise.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
     start_helpers(task_of(engine, run.scene))
@@ -123,10 +122,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
 
 
 def next_size(size, seconds):
-    """Return how many realizations the next batch has, after a batch of some `size` that took some `seconds`.
-
-    Batches are short enough to be interrupted and long enough to keep all threads busy.
-    """
+    """Return how many realizations the next batch has: short enough to be interrupted, long enough for all threads."""
     return max(TUNING.smallest_batch, int(min(size * TUNING.batch_seconds / seconds, 4 * size)))
 
 
@@ -154,10 +150,7 @@ def _repeated(batch, first, count):
 
 
 def _refuse_missing_states(batch, run, times):
-    """Raise FloatingPointError where a state up to overturning is not finite, or one after it is.
-
-    `times` are those of the states.
-    """
+    """Raise FloatingPointError where a state up to overturning is not finite, or one after it is."""
     standing, last = batch.overturn_side == 0, len(times) - 1.0
     ends = np.where(standing, last, np.interp(batch.overturn_time, times, np.arange(len(times))))
     counts = np.count_nonzero(np.isfinite(batch.angle) & np.isfinite(batch.velocity), axis=1)
@@ -195,8 +188,7 @@ def _paths_to_follow(batch, unseen, already):
 def _returns(numbers, run, unseen, parameters, simulate):
     """Return how many of the paths with some numbers overturn on the way to the fall, and how many of these come back.
 
-    All of them overturn, unless `unseen` (`_paths_to_follow`): overturning is then looked for at the end of each
-    interval. `parameters` have the cut-off at the fall.
+    All of them overturn, unless `unseen`: overturning is then looked for at the end of each interval.
     """
     if not numbers:
         return 0, 0

@@ -129,10 +129,10 @@ def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, 
 
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):
-    """Simulate one realization into `angle`, `velocity` (periods * rows + 1,); return (time, side) of overturning.
+    """Simulate one realization into `angle`, `velocity`; return (time, side) of overturning, (nan, 0) for never.
 
-    `impacts` records its impacts, and `unkept`, without room, those on the way to a state within an interval: a record
-    of another type would have all functions of the engine compiled twice.
+    Impacts on the way to a state within an interval go to `unkept`, which has no room: a record of another type would
+    have all functions of the engine compiled twice.
     """
     intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)
@@ -194,11 +194,7 @@ class TimeGrid(NamedTuple):
 
 
 def time_grid(scene, longest, times=None):
-    """Return the `TimeGrid` of a scene with intervals of at most `longest`, in each of which the forcing is one piece.
-
-    `times` (rows,) since the beginning of the table period, by default its end; the last one ends it where the scene
-    does not repeat. They need not lie on the grid.
-    """
+    """Return the `TimeGrid` of a scene for `times` in its table period, with intervals of `longest` at most."""
     rounding, most = 1e-9, TUNING.most_intervals
     times = np.array([scene.period]) if times is None else times
     spacing = scene.forcing.spacing(longest)

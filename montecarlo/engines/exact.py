@@ -76,10 +76,7 @@ class ExactParameters(NamedTuple):
 
 
 def tables_of_scene(scene, times, finer=False):
-    """Return the `ExactParameters` of a scene for states at `times` (rows,), without tables of flights.
-
-    `finer`: intervals that are as short as the forcing asks for may lie closer than the samples of the noise.
-    """
+    """Return the parameters without tables of flights; `finer` intervals may lie closer than samples of the noise."""
     forcing, envelope, block = scene.forcing, scene.noise.envelope, block_of_scene(scene)
     longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
     sampling = math.pi / (OVERSAMPLING * scene.noise.band[1]) if scene.noise.kind == "band" else math.inf
@@ -185,10 +182,7 @@ def draw(_stream, number, _j, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _advance_slender(x, v, side, j, begin, end, strength, _tried, _last, parameters, workspace, impacts, origin, block):
-    """Carry a slender block from `begin` to `end` of interval j; return (x, v, side, time).
-
-    Times are since the interval's middle, `origin`. There the envelope is the polynomial `strength` (order,).
-    """
+    """Carry a slender block to `end` in interval j under the envelope `strength` (order,): (x, v, side, time)."""
     force, particular, half = workspace.interval.force, workspace.interval.particular, workspace.interval.half
     write_product(strength, workspace.noise, parameters.zeros, force)
     particular_from_rest(force, particular)
@@ -200,11 +194,7 @@ def _advance_slender(x, v, side, j, begin, end, strength, _tried, _last, paramet
 
 @kernel(inline="always")
 def _advance_exact(x, v, side, j, begin, end, strength, tried, last, parameters, workspace, impacts, origin, block):
-    """As `_advance_slender`, of an exact block.
-
-    If `tried`, `last` is (angle, velocity) at `end` of the flight from `begin` if it meets no event, and
-    `workspace.acceleration` has its u''.
-    """
+    """As `_advance_slender`, of an exact block; if `tried`, `last` is the state at `end` without an event."""
     force, half, acceleration = workspace.interval.force, workspace.interval.half, load(workspace.acceleration, 0)
     write_product(strength, workspace.noise, parameters.forced[j], force)
     angle, speed = last

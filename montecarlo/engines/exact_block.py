@@ -68,10 +68,7 @@ def _surely_rests(force, slack, scratch, block):
 
 @kernel(inline="always")
 def _try_step(state, side, number, j, parameters, workspace):
-    """Whether interval j surely has no event, and the state at its end, nan where collocation has not converged.
-
-    u'' is written to `workspace.acceleration` (1, NODES).
-    """
+    """Whether interval j surely has no event, and the state at its end, nan where collocation has not converged."""
     x, v = state
     if side == 0 and (parameters.stays[j] or parameters.flight.slack[j] == math.inf):
         return parameters.stays[j], state

@@ -137,10 +137,7 @@ def _part_tables(space, span, sigma):
 
 
 def polynomial_degree(space):
-    """Return the degree, 3 or 5, of the polynomial that stands for noise of a `StateSpace` within an interval.
-
-    It has the values of the flight and of the noise at both ends, and of the noise's derivative where it has one.
-    """
+    """Return the degree of the polynomial within an interval: ends and flight, and slopes where the noise has them."""
     return 5 if space.smooth else 3
 
 
@@ -215,11 +212,7 @@ def envelope_tables(envelope, grid, degree):
 
 
 def _cut_at_kinks(kinks, count):
-    """Cut `count` intervals at the kinks (n,) inside them, ascending; return (first, owner, begins, ends).
-
-    `owner` (pieces,): number of a piece's interval; `begins`, `ends`: since its beginning. All times count in
-    intervals.
-    """
+    """Cut intervals at kinks (n,); return the first piece of each, and of pieces interval, beginning and end in it."""
     inside = kinks[(np.abs(kinks - np.rint(kinks)) > 1e-9) & (kinks > 0.0) & (kinks < count)]
     edges = np.sort(np.concatenate([np.arange(count), inside]))
     owner = np.floor(edges).astype(int)
@@ -277,10 +270,7 @@ def draw_first_states(stream, tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def draw_next_interval(stream, tables, noise):
-    """Draw the next interval into `noise.drawn` (2n + 2,), whose last states become the first.
-
-    Where the interval has parts, the random numbers for them are set up in `noise.stream`.
-    """
+    """Draw the next interval into `noise.drawn`, whose last states become the first, and numbers for its parts."""
     drawn, n = noise.drawn, tables.stationary.shape[0]
     for i in range(n):
         drawn[i] = drawn[n + i]
@@ -334,8 +324,7 @@ def draw_parts(tables, noise):
 def bound_noise(j, shape, drawn, bernstein, envelope, margin):
     """Write the noise in interval j, or a part of it, `shape` @ `drawn`, to `bernstein` (d + 1,); return its bounds.
 
-    (low, high) are with the envelope: the polynomial lies between its coefficients, and the noise not farther from it
-    than a `margin`.
+    It lies between the coefficients, but for a `margin`; the bounds (low, high) are with the envelope.
     """
     low, high = math.inf, -math.inf
     for i in range(bernstein.size):
@@ -410,10 +399,7 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the parameters of a scene: `steps_per_cycle` times the filter's fastest rate sets the longest interval.
-
-    ValueError where that makes too many intervals.
-    """
+    """Return the parameters of a scene; `steps_per_cycle` times the filter's fastest rate sets the longest interval."""
     envelope, space = scene.noise.envelope, scene.noise.space
     rate = space.fastest * steps_per_cycle
     longest = (TUNING.filtered_smooth if space.smooth else TUNING.filtered_rough) / rate
@@ -488,10 +474,7 @@ def _fly_slender(x, v, side, j, parameters, workspace, _block):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _fly_exact(x, v, side, j, parameters, workspace, block):
-    """Return (x, v, right) of an exact block at the end of interval j if it has no event.
-
-    `right` is False where the envelope has a kink inside the interval, or collocation does not converge.
-    """
+    """Return (x, v, right) of an exact block at the end of interval j; right: no kink in it, and converged."""
     if parameters.envelope.first.size > 0 and parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return x, v, False
     noise = workspace.noise.bernstein[0] * load(parameters.basis, 0)
@@ -511,10 +494,7 @@ _fly = dispatch_on_block(_fly_slender, _fly_exact)
 
 @kernel(inline="always")
 def _takes_parts(state, side, parameters):
-    """Whether a block is moved by the noise drawn anew in parts of an interval, as it is at rest or nearly so.
-
-    Never so for noise that has a derivative.
-    """
+    """Whether noise moves a block in parts of an interval: it is rough, and the block at rest or nearly so."""
     parts = parameters.noise.parts
     return parts.gain.shape[0] > 0 and (side == 0 or abs(state[1]) < parts.slowest)
 
@@ -583,11 +563,7 @@ _advance = dispatch_on_block(_advance_slender, _advance_exact)
 
 @kernel(fastmath={"contract"})
 def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
-    """Write P of forcing and noise, or the force, to `workspace.particular`, by the time since a `time` in interval j.
-
-    The noise's polynomial counts from the beginning of its part, `since` before `time`; the envelope is `value` +
-    `slope` times the time since `time`.
-    """
+    """Write P, or the force, since a `time` in interval j; the noise is known since a time `since` before it."""
     particular, force, share = workspace.particular, workspace.force, workspace.share
     move_origin(workspace.noise.signal, since, share)
     for k in range(TERMS):
@@ -600,10 +576,7 @@ def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
 
 @kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
-    """Carry a block from the beginning of interval j to `until`, by parts of its noise and pieces of the envelope.
-
-    Return (x, v, side, time), the time of overturning or `until`.
-    """
+    """Carry a block through interval j up to `until`, by parts of the noise and pieces of the envelope."""
     noise, envelope, block = workspace.noise, parameters.envelope, parameters.block
     enveloped, count = envelope.strength.size > 0, 1
     if _takes_parts((x, v), side, parameters):

@@ -76,10 +76,9 @@ class ScaledPaths:
 
 
 def largest_angle(times, angle, velocity):
-    """Return the largest |Θ| of a path from its states `angle`, `velocity` (n,) at `times` (n,).
+    """Return the largest |Θ| of a path by cubics between its states, right to some 1e-5 over intervals of .2.
 
-    It is that of cubics between these, and right to some 1e-5 over intervals of .2. An interval with an impact counts
-    at its ends alone: what rises and returns within it has a small angle.
+    An interval with an impact counts at its ends alone: what rises and returns within it has a small angle.
     """
     h, side = np.diff(times), np.sign(angle[:-1])
     u, end, v, w = side * angle[:-1], side * angle[1:], side * velocity[:-1], side * velocity[1:]
@@ -94,10 +93,7 @@ def largest_angle(times, angle, velocity):
 
 
 def scaled_parameters(parameters, factor):
-    """Return the `ExactParameters` of a scene without noise with the forcing times a `factor` > 0.
-
-    The tables of the forcing are linear in it. To make them anew costs several times as much as a path.
-    """
+    """Return the `ExactParameters` of a scene without noise, linear in the forcing, with this times a factor."""
     flight, forced = parameters.flight, factor * parameters.forced
     if isinstance(flight, Collocation):
         force, flight = forced, flight._replace(forcing=factor * flight.forcing, slack=factor * flight.slack)

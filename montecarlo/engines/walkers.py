@@ -66,10 +66,7 @@ class Population(NamedTuple):
 
 @kernel
 def allocate_population(walkers, steps):
-    """Return a `Population` without a record, all paths unfinished, of weight 1.
-
-    Records are not initialized: memory is touched as it fills.
-    """
+    """Return a `Population` without a record, all paths unfinished; memory is touched as it fills."""
     return Population(
         np.empty((walkers, steps + 1)),
         np.empty((walkers, steps + 1), np.int64),
@@ -143,10 +140,7 @@ class NoiselessForcing(NamedTuple):
 
 
 class ScoreTable(NamedTuple):
-    """`table` (m, 2, n_angle, n_velocity): the score at the m times of a cycle, side < 0 or > 0, at u and w.
-
-    u runs from 0 to the cut-off and w from -`fastest` to `fastest`; `per_angle`, `per_velocity`: cells per unit.
-    """
+    """`table` (m, 2, n_angle, n_velocity): the score at m times, side < 0 or > 0, u to the cut-off, w to ±`fastest`."""
 
     table: np.ndarray
     fastest: float
@@ -184,10 +178,7 @@ def _distance(u, w, side, particular, t, block):
 
 @kernel
 def _follow(u, w, side, j, forcing):
-    """Return the score of a state at the j-th time: the largest z of its path without noise, now and after impacts.
-
-    The path is followed until it escapes or comes to rest, or for the foresight at most.
-    """
+    """Return the score of a state at the j-th time: the largest z of its path without noise, now and after impacts."""
     best = _distance(u, w, side, forcing.segments.particular[j], 0.0, forcing.block)
     x, v = side * u, side * w
     for _ in range(forcing.count):
@@ -257,8 +248,7 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
 def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
     """Run one splitting; return the levels passed and the walkers killed.
 
-    Its estimates, the probability of having overturned by each cycle to the left and to the right, are added to
-    `overturned` (cycles + 1, 2). Its random numbers are a function of the keys, its number `repeat`, and the walkers.
+    The probability of having overturned by each cycle, to the left and to the right, is added to `overturned`.
     """
     # A count of references would cost more than the steps.
     keys, parameters, scores, overturned = borrowed((keys, parameters, scores, overturned))

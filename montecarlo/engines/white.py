@@ -119,10 +119,7 @@ def _noise_factors(diffusions, envelope, span):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the parameters of a scene; ValueError for one that white noise does not allow.
-
-    No step and no bounce that is one draw outlasts one of the `times`, so other times mean other paths of the same law.
-    """
+    """Return the parameters of a scene. No step and no bounce outlasts one of the `times`: others mean other paths."""
     diffusion = scene.noise.diffusion
     if diffusion == 0.0:
         accepted = "a number > 0 by the method 'white'; a scene without noise has noise.kind 'none'"
@@ -240,10 +237,7 @@ def is_clear(u, w, side, j, parameters):
 
 @kernel
 def first_side(x, v, parameters):
-    """Return the side of a start: the sign of x, at x = 0 that of v, and at rest that of the force.
-
-    Otherwise the first step would begin with an impact.
-    """
+    """Return the side of a start, at rest that of the force: otherwise the first step would begin with an impact."""
     push = v if v != 0.0 else parameters.forcing.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 
@@ -255,10 +249,7 @@ def _no_workspace(_parameters):
 
 @kernel(forceinline=True)
 def _simulate_path(stream, cycle, parameters, _workspace, angle, velocity, impacts, _unkept):
-    """As `_simulate_path` of `engine`; steps end at the output times.
-
-    A look within a step would take random numbers.
-    """
+    """As `_simulate_path` of `engine`; steps end at the output times, as a look within one takes random numbers."""
     intervals, span, times = parameters.grid.count, parameters.grid.spacing, parameters.grid.output_times
     x, v = draw_start(stream, parameters.start)
     if abs(x) >= parameters.block.cutoff:

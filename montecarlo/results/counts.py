@@ -79,11 +79,7 @@ class Counts(NamedTuple):
 
 
 def empty_counts(scene: Scene, times: Array, angle_edges: Array, velocity_edges: Array) -> Counts:
-    """Return `Counts` of zeros.
-
-    The angles of standing blocks are at most the cut-off in size; velocities get room for eight times the bound of
-    `joint_edges`, which holds four standard deviations of the noise.
-    """
+    """Return `Counts` of zeros, with room for velocities of eight times the bound of `joint_edges`."""
     bounds = scene.overturning.angle, 8.0 * joint_edges(scene)[1][-1]
     rows = len(times)
     return Counts(
@@ -113,10 +109,7 @@ def add(counts: Counts, batch: Any) -> None:
 
 @kernel
 def _add(counts, angle, velocity, overturn_row, overturn_side, returns):
-    """Add a batch in one call, which no interrupt can cut in two; return whether it was done.
-
-    `overturn_row` (count,): time of overturning in rows, a place among the times with a fraction.
-    """
+    """Add a batch in one call, which no interrupt can cut in two; return whether it was done. Times count in rows."""
     count, rows = angle.shape
     to_quanta = 1.0 / counts.quantum
     stands = np.empty(count, np.int64)
@@ -152,10 +145,7 @@ def _cycles_standing(angle, velocity, to_quanta):
 
 @kernel
 def _passage(standing, time):
-    """Return the row of `Counts.passages` for an overturning at a `time` in rows, after `standing` rows.
-
-    What is gone at a time has passed since the one before, whatever rounding makes of a time near the ends.
-    """
+    """Return the row of `passages` for an overturning at a `time` in rows, after `standing` rows at which it stood."""
     part = math.ceil((time - (standing - 1)) * PARTS)
     return (standing - 1) * PARTS + min(max(part, 1), PARTS)
 
@@ -199,10 +189,7 @@ def _bin_of(edges, value):
 
 
 def moments(counts: Counts) -> tuple[Array, Array]:
-    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks, nan where none stands.
-
-    They are those of the rounded states, right to the last digit whatever cancels: Python's integers have no end.
-    """
+    """Return mean (rows, 2) and covariance (rows, 2, 2) of the standing blocks, exact for the rounded states."""
     mean = np.full(counts.sums.shape, math.nan)
     covariance = np.full((*counts.sums.shape, 2), math.nan)
     quantum = counts.quantum

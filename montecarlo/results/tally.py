@@ -104,10 +104,7 @@ class Tally(Sample):
 
     @property
     def mean(self) -> Array:
-        """Mean of angle and velocity of the blocks that stand, shape (cycles + 1, 2); nan where none does.
-
-        States are rounded to ``counts.quantum``, about 1e-9 for the angle, before they are summed.
-        """
+        """Mean of angle and velocity of the standing blocks, (cycles + 1, 2), rounded to ``counts.quantum``."""
         return self._moments[0]
 
     @property
@@ -146,10 +143,7 @@ def _edge_numbers(name, edges, counted):
 
 
 class Checkpoint:
-    """Keeps a tally in a file: at once, so that a path that cannot be written is refused early, then now and then.
-
-    `path` None keeps nothing; `done` realizations are in the file already.
-    """
+    """Keeps a tally in a file, None for none: at once, so that a path is refused early, then now and then."""
 
     least_s = 30.0
     """Least seconds between two savings."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from montecarlo.engines import white
 from montecarlo.engines.batches import checked_run, simulate_batches
+from montecarlo.simulation import impacts_of
 
 CAPACITY = 4000
 
@@ -19,7 +20,5 @@ def white_histories(scene, *, cycles=1, realizations, seed, steps_per_cycle=200,
     parts = []
     for batch in simulate_batches(run, samples=samples_per_cycle, capacity=CAPACITY, parameters=parameters):
         assert batch.impacts.count.max() <= CAPACITY
-        kept = np.arange(CAPACITY) < batch.impacts.count[:, None]
-        impacts = batch.first + np.nonzero(kept)[0], batch.impacts.time[kept], batch.impacts.velocity[kept]
-        parts.append((batch.angle, batch.velocity, *impacts))
+        parts.append((batch.angle, batch.velocity, *impacts_of(batch)))
     return types.SimpleNamespace(**dict(zip(names, map(np.concatenate, zip(*parts, strict=True)), strict=True)))
