@@ -31,8 +31,8 @@ from fpk_rocking.base.jit import at_most
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.risk import synthetic_records
 from fpk_rocking.scene import FilteredNoise, Pulse
-from fpk_rocking.studies import overturning
-from fpk_rocking.studies.probability import WantedError
+from fpk_rocking.studies import probability as choice
+from fpk_rocking.studies.probability import PILOT, REPEATS, WantedError
 from montecarlo import simulate, split
 from montecarlo.engines.walkers import score_table
 
@@ -146,8 +146,7 @@ def _splitting_seconds(scene, rows, answer):
     """Processor seconds of splitting alone with the walkers of an answer, its score included."""
     score_table.cache_clear()
     begin = time.process_time()
-    repeats = overturning._REPEATS
-    split(scene, walkers=answer.realizations // repeats, repeats=repeats, seed=_TRUTH_SEED, **rows)
+    split(scene, walkers=answer.realizations // REPEATS, repeats=REPEATS, seed=_TRUTH_SEED, **rows)
     return time.process_time() - begin
 
 
@@ -171,7 +170,7 @@ def coverage(share, wanted, repeats, random):
     inside = total = 0
     for _ in range(repeats):
         paths = overturned = 0
-        until = 2 * overturning._PILOT
+        until = 2 * PILOT
         while True:
             overturned += random.binomial(until - paths, share)
             paths = until
@@ -235,7 +234,7 @@ def write_answers(options):
     """Draw scenes, answer them, and write the section."""
     wanted = {name: getattr(options, name) for name in ("tol", "rtol") if getattr(options, name)} or {"tol": 5e-3}
     # Processor seconds on one thread: what else the machine does has no influence on the choice of engines.
-    overturning.time = types.SimpleNamespace(perf_counter=time.process_time)
+    choice.time = types.SimpleNamespace(perf_counter=time.process_time)
     with at_most(1):
         results = _answers(options, wanted | {"limit_s": options.limit_s})
     write_rows(results, ", ".join(f"{name} {value:g}" for name, value in wanted.items()), options.limit_s)

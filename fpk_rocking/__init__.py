@@ -39,7 +39,7 @@ __all__ = [
 _LAZY = dict.fromkeys(__all__, "fpk_rocking.scene")
 _LAZY |= dict.fromkeys(("solve_fpk", "Evolution"), "fpk_rocking.density")
 _LAZY |= {"CycleOperator": "fpk_rocking.horizon", "melnikov": "fpk_rocking.analytics"}
-_LAZY |= {"probability": "fpk_rocking.studies.overturning"}
+_LAZY |= {"probability": "fpk_rocking.studies.probability"}
 
 
 def __getattr__(name):

@@ -122,7 +122,7 @@ def _probability(options):
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.results.pictures import save
     from fpk_rocking.results.storage import write_json
-    from fpk_rocking.studies.overturning import probability
+    from fpk_rocking.studies.probability import probability
 
     scene = scene_of(options, options.scene)
     own = rows_of(options, scene) | passed(options, "tol", "rtol", "seed")

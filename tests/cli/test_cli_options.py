@@ -14,7 +14,7 @@ from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.risk import Fragility, curves, fragility
 from fpk_rocking.scene import BandNoise, Block, Harmonic, Pulse, Scene, WhiteNoise
-from fpk_rocking.studies.overturning import Probability
+from fpk_rocking.studies.probability import Probability
 from montecarlo import Ensemble, Tally, simulate
 
 PERIODIC = Scene(Block(0.5), Harmonic(5.2, 2.7, math.pi), BandNoise(0.09, (0.0, 10.0), 100))

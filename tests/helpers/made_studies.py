@@ -11,7 +11,7 @@ from fpk_rocking import Scene
 from fpk_rocking.risk import CriticalIntensities, Fragility, Hazard, IntensityCurve, Risk, Study
 from fpk_rocking.risk.lognormal import LognormalFit
 from fpk_rocking.studies import Sweep
-from fpk_rocking.studies.overturning import Probability
+from fpk_rocking.studies.probability import Probability
 
 BLOCKS = tuple(
     Scene.from_block(width, height, peak, 1.5, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 5.0))
