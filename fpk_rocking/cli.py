@@ -322,13 +322,14 @@ def warmup_tasks():
 
 def _solved(options, scene):
     """Solve a scene with those of the parsed `options` that are the density solver's; return the `Evolution`."""
+    from fpk_rocking.base import precompilation
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import tasks
 
     own = rows_of(options, scene) | passed(options, "tol", "bins_tol", "noise_replacement")
-    if not options.no_check:
-        tasks.expect_check(scene)
+    for kernels in () if options.no_check else tasks.kernels_of_check(scene):
+        precompilation.queue_for_helpers(kernels)
     with reporting("density") as progress:
         return solve_fpk(scene, progress=progress, **own)
 

@@ -9,12 +9,9 @@ import sys
 import threading
 import warnings
 
-_AGAIN_S = 0.02
-"""Seconds after which a signal that was swallowed is raised anew."""
-
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: whatever tidies up after an interruption from the keyboard does so here too."""
+    """SIGTERM, which is tidied up after as after an interruption from the keyboard."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -28,17 +25,15 @@ class Interrupted(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def terminable():
-    """Raise `Terminated` at SIGTERM and `Interrupted` at SIGINT within the block.
+    """Raise `Terminated` at SIGTERM and `Interrupted` at SIGINT within the block, in the main thread.
 
-    Only the main thread can, in another one nothing changes; nor does it for SIGINT where it is ignored, or somebody
-    else's.
+    Where SIGINT is ignored, or handled by others, it stays so.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
 
     def stop(number, _):
-        """Raise the exception that stands for the signal of a number, `Terminated` or `Interrupted`."""
         raise Terminated if number == signal.SIGTERM else Interrupted
 
     numbers = [signal.SIGTERM]
@@ -53,13 +48,13 @@ def terminable():
 
 
 @contextlib.contextmanager
-def insistent():
-    """Raise again an interruption that C code swallowed in the block, at its end or before; in the main thread only.
+def insistent(again_s=0.02):
+    """Raise again an interruption that C code swallowed in the block, some seconds later or at its end.
 
     The exception of a signal cannot pass a callback from C or a finalizer: Python prints it there and goes on. A signal
     that comes while LLVM makes machine code ends like that, for the first Python code to run afterwards, where it is
     handled, is a callback. numba then goes on, or fails for want of what the callback should have kept. Here nothing is
-    printed, the exception comes once more a moment later, and it stands for any error that came in between.
+    printed, and the exception stands for any error that came in between. Only the main thread can.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -68,10 +63,6 @@ def insistent():
     numbers, ended = queue.SimpleQueue(), threading.Event()
 
     def again(ignored):
-        """Have the signal of an ignored interruption raised anew; other exceptions go to the previous hook.
-
-        `ignored`: what `sys.unraisablehook` takes.
-        """
         if not issubclass(ignored.exc_type, KeyboardInterrupt):
             previous(ignored)
             return
@@ -81,8 +72,7 @@ def insistent():
         numbers.put(number)
 
     def watch():
-        """Raise the signals of the queue anew in the main thread, each a moment later, until the block has ended."""
-        while (number := numbers.get()) and not ended.wait(_AGAIN_S):
+        while (number := numbers.get()) and not ended.wait(again_s):
             _thread.interrupt_main(number)
 
     sys.unraisablehook = again
@@ -104,10 +94,9 @@ def insistent():
 
 @contextlib.contextmanager
 def plain_warnings(command):
-    """Show a warning within the block as one line, as an error is shown; `command` is that of the command line."""
+    """Show a warning within the block as one line, as an error of a command is shown."""
 
     def show(message, *_):
-        """Write a warning's message as one line to standard error."""
         sys.stderr.write(f"fpk-rocking {command}: warning: {line(message)}\n")
 
     with warnings.catch_warnings():
@@ -116,22 +105,12 @@ def plain_warnings(command):
 
 
 def line(message):
-    """Return a message, a text or an exception or warning, on one line of text."""
+    """Return a text, or that of an exception or warning, on one line."""
     return " ".join(str(message).split())
 
 
 def what_is_left(begun, folder, state):
-    """Return what an interrupted command leaves behind, as a text without a full stop.
-
-    Parameters
-    ----------
-    begun : float
-        Time at which it began, as of `time.time`.
-    folder : pathlib.Path or None
-        For its files.
-    state : pathlib.Path or None
-        File from which it can go on.
-    """
+    """Say what a command that began at a time leaves in a folder, and in a file from which it can go on."""
     files = folder.iterdir() if folder and folder.is_dir() else ()
     written = sorted(file.name for file in files if file.is_file() and file.stat().st_mtime >= begun)
     texts = [f"whole files in {folder}: {', '.join(written)}"] if written else []
@@ -140,21 +119,7 @@ def what_is_left(begun, folder, state):
 
 
 def check_folder(name, folder):
-    """Raise ValueError for a folder that cannot be made or written to, before the work that would be lost.
-
-    Nothing is made yet.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter, for the message.
-    folder : pathlib.Path
-
-    Raises
-    ------
-    ValueError
-        A file is in the way, or the permissions or the file system do not allow writing.
-    """
+    """Refuse a folder that cannot be made or written to, before the work that would be lost; nothing is made yet."""
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not existing.is_dir():
         raise ValueError(f"{name}: got the file {str(existing)!r}, accepted: a folder; a missing one is created")

@@ -43,22 +43,13 @@ class Job(NamedTuple):
     scene: Scene
     seed: int
 
-    @property
-    def digest(self) -> str:
-        """A text of 16 hexadecimal digits that identify scene and seed."""
-        return hashlib.sha256(f"{self.seed}\n{self.scene.to_toml()}".encode()).hexdigest()[:16]
-
     def row(self, wall_s: float, values: dict[str, Any], reason: str) -> dict[str, Any]:
-        """Return the row of this job, a dict: "cell" (its number), "seed", "digest", "wall_s", "values" and "reason".
-
-        The last three are the parameters: seconds, what the task returned, and why it failed, else empty.
-        """
-        own = {"cell": self.number, "seed": self.seed, "digest": self.digest}
-        return own | {"wall_s": wall_s, "values": values, "reason": reason}
+        """Row of this job: its number and seed, seconds, what the task returned, and why it failed, else empty."""
+        return {"cell": self.number, "seed": self.seed, "wall_s": wall_s, "values": values, "reason": reason}
 
 
 def seed_of(seed: int, number: int) -> int:
-    """Return the seed (int, 0 to 2**64 - 1) of a job: a function of the `seed` of the sweep and the job's `number`."""
+    """Return the seed of a job, 0 to 2**64 - 1, by that of the sweep and the job's number."""
     return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0])
 
 
@@ -72,26 +63,11 @@ def run_jobs(
     store: File | None = None,
     progress: Progress | None = None,
 ) -> tuple[dict[str, Any], ...]:
-    """Run a task on jobs, or take their rows from a store.
+    """Run a task on jobs, or take their rows from a store; return the rows (`Job.row`) in the order of the jobs.
 
-    Parameters
-    ----------
-    task : callable
-        Called as ``task(scene, seed=seed, **options)``; returns a dict of what JSON holds.
-    jobs : sequence of Job
-    options : dict
-        Keyword arguments of the task.
-    kernels_of : callable
-        Called as ``kernels_of(task, scenes, options)``; returns a list of what to compile before several workers need
-        it, as `fpk_rocking.studies.tasks.kernels_of`.
-    workers, store, progress
-        As for `fpk_rocking.studies.sweep`.
-
-    Returns
-    -------
-    tuple of dict
-        Rows in the order of the jobs, with the keys "cell", "seed", "digest", "wall_s", "values" (empty where the job
-        failed) and "reason" (empty where it did not).
+    The task is called as ``task(scene, seed=seed, **options)`` and returns a dict of what JSON holds;
+    ``kernels_of(task, scenes, options)`` lists what to compile before several workers need it. `workers`, `store` and
+    `progress` are as for `fpk_rocking.studies.sweep`.
     """
     if not isinstance(workers, concurrent.futures.Executor):
         workers = checks.count("workers", workers)
@@ -118,10 +94,7 @@ def run_jobs(
 
 
 def run_job(task: Callable[..., Any], job: Job, options: dict[str, Any]) -> dict[str, Any]:
-    """Run a task on a job, with all threads; return its row, a dict (`Job.row`). An exception becomes its "reason".
-
-    `task` is called as ``task(scene, seed=seed, **options)``.
-    """
+    """Run a task on a job, with all threads, and return its row. An exception becomes its "reason"."""
     started, values, reason = time.perf_counter(), {}, ""
     try:
         values = json.loads(json.dumps(dict(task(job.scene, seed=job.seed, **options)), allow_nan=False))
@@ -130,11 +103,8 @@ def run_job(task: Callable[..., Any], job: Job, options: dict[str, Any]) -> dict
     return job.row(time.perf_counter() - started, values, reason)
 
 
-def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
-    """Run a task on a job in a worker, which has one processor; return its row, as `run_job`.
-
-    The number of the attempt is a parameter because Dask answers equal calls with the result of the first.
-    """
+def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001  (Dask answers equal calls with the first result)
+    """Run a task on a job in a worker, which has one processor."""
     from fpk_rocking.base.jit import at_most
 
     with at_most(1):
@@ -142,11 +112,7 @@ def _run_on_one_thread(task, job, options, attempt):  # noqa: ARG001
 
 
 def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, None]:
-    """Yield the rows of `jobs` (dicts, `Job.row`) as they come, in any order.
-
-    `workers`: 1 for this process, a larger number for as many processes, or an executor. RuntimeError where an executor
-    ends before all jobs are done.
-    """
+    """Yield the rows of jobs as they come, from this process, from several, or from an executor."""
     if workers == 1:
         for job in jobs:
             yield run_job(task, job, options)
@@ -163,10 +129,7 @@ def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, 
 
 
 def _rows_from_executor(executor, task, jobs, options):
-    """Yield the rows of `jobs` (dicts, `Job.row`), which are all handed to an executor at once, as they end.
-
-    Those that it cannot run are tried again alone; a second failure becomes the row's "reason".
-    """
+    """Yield the rows of jobs as they end. Those that the executor cannot run are tried again alone, once."""
     futures = {executor.submit(_run_on_one_thread, task, job, options, 1): job for job in jobs}
     failed = []
     try:
@@ -192,13 +155,9 @@ def _rows_from_executor(executor, task, jobs, options):
             yield job.row(time.perf_counter() - started, {}, f"{type(error).__name__}: {line(error)}")
 
 
-def _rows_from_processes(count, task, jobs, options):
-    """Yield the rows of `jobs` (dicts, `Job.row`) on processes; if one is killed, jobs then running are tried alone.
-
-    Rows come as jobs end, from `count` processes at most; `options` (dict) are keyword arguments of the task. A job
-    whose process is killed again gets a row without values that says so.
-    """
-    left = {job.number: job for job in jobs}
+def _rows_from_processes(count, task, jobs, options, alone=False):
+    """Yield the rows of jobs on processes. If one is killed, jobs then running are tried again `alone`, once."""
+    left, started = {job.number: job for job in jobs}, time.perf_counter()
     while left:
         try:
             with _processes(min(count, len(left))) as pool:
@@ -207,20 +166,18 @@ def _rows_from_processes(count, task, jobs, options):
                     yield row
         except concurrent.futures.BrokenExecutor:
             # Jobs begin in their order, so those that were running are the first that have no row.
-            for job in list(left.values())[:count]:
-                del left[job.number]
-                started = time.perf_counter()
-                try:
-                    with _processes(1) as pool:
-                        yield from _rows_from_executor(pool, task, [job], options)
-                except concurrent.futures.BrokenExecutor:
+            for number in list(left)[:count]:
+                job = left.pop(number)
+                if alone:
                     reason = "its process was killed, or ran out of memory"
                     yield job.row(time.perf_counter() - started, {}, reason)
+                else:
+                    yield from _rows_from_processes(1, task, [job], options, alone=True)
 
 
 @contextlib.contextmanager
 def _processes(count):
-    """Yield a ProcessPoolExecutor of `count` processes, which end at once with the block or with this process."""
+    """Yield an executor of some processes, which end at once with the block or with this process."""
     # Spawned, not forked: a fork after a parallel kernel has run would stand still.
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
@@ -234,14 +191,10 @@ def _processes(count):
 
 
 def _begin_process(pipe):
-    """Set up this worker process: it ignores interruptions, and ends when its parent closes `pipe` or is killed.
-
-    `pipe`: the worker's end of a `multiprocessing.Pipe`.
-    """
+    """Have this worker process ignore interruptions, and end when its parent closes the pipe or is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch():
-        """End this process at once when the pipe is closed."""
         with contextlib.suppress(EOFError, OSError):
             pipe.recv()
         os._exit(1)
@@ -253,27 +206,11 @@ def _begin_process(pipe):
 def _opened_store(
     path: File | None, sweep: dict[str, Any], jobs: Sequence[Job]
 ) -> Iterator[tuple[dict[int, dict[str, Any]], Callable[[dict[str, Any]], None]]]:
-    """Open and lock the file of a sweep, which is begun where it is missing; without a path nothing is kept.
+    """Yield the rows in the file of a sweep, by the number of their job, and a function that appends a row.
 
-    Parameters
-    ----------
-    path : path or None
-    sweep : dict
-        Plain values that identify the sweep; a file with others is refused.
-    jobs : sequence of Job
-
-    Yields
-    ------
-    rows : dict of int to dict
-        Rows in the file by the number of their job.
-    keep : callable
-        Appends a row to the file.
-
-    Raises
-    ------
-    TypeError, ValueError
-        The file is no store, is damaged, belongs to another sweep or to other scenes, or is that of a sweep that still
-        runs; it is left as it is.
+    The file is locked; it is made where it is missing, and without a path nothing is kept. `sweep` are plain values
+    that identify the sweep. TypeError or ValueError, and the file is left as it is, where it is no store, is damaged,
+    belongs to another sweep or other scenes, or is that of a sweep that still runs.
     """
     if path is None:
         yield {}, lambda _: None
@@ -288,8 +225,14 @@ def _opened_store(
     with file_path.open("a+b", buffering=0) as file:
         _lock(file, file_path)
         try:
-            rows = _read_rows(file, file_path, header, {job.number: job.digest for job in jobs})
-            yield rows, lambda row: _append(file, _json_line(row))
+            digests = {job.number: _digest(job) for job in jobs}
+            rows = _read_rows(file, file_path, header, digests)
+
+            def keep(row):
+                own = {"cell": row["cell"], "seed": row["seed"], "digest": digests[row["cell"]]}
+                _append(file, _json_line(own | row))
+
+            yield rows, keep
         finally:
             # Closing is not enough where a process that was forked meanwhile has the file open too.
             with contextlib.suppress(OSError):
@@ -297,8 +240,13 @@ def _opened_store(
                     fcntl.flock(file, fcntl.LOCK_UN)
 
 
+def _digest(job):
+    """16 hexadecimal digits that identify scene and seed."""
+    return hashlib.sha256(f"{job.seed}\n{job.scene.to_toml()}".encode()).hexdigest()[:16]
+
+
 def _lock(file, path):
-    """Lock an open `file`; ValueError, with its `path`, where another sweep has it locked. Return None."""
+    """Lock an open file; ValueError where another sweep has it locked."""
     if fcntl is None:
         return
     try:
@@ -310,10 +258,10 @@ def _lock(file, path):
 
 
 def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str]) -> dict[int, dict[str, Any]]:
-    """Return the rows of a store, dicts by the number of their job; cut the store after its last complete line.
+    """Return the rows of a store by the number of their job; cut the store after its last complete line.
 
-    A new `file` (open, binary, at `path`) gets the `header`, a line of JSON. ValueError, and the file is left as it is,
-    where a line is damaged, the header differs, or a row's digest is not that in `digests` (job number to digest).
+    A new file gets the header. ValueError, and the file is left as it is, where a line is damaged, the header differs,
+    or a row is of a job with another digest.
     """
     file.seek(0)
     content = file.read()
@@ -329,7 +277,7 @@ def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str])
             raise ValueError(refused.format(f"{name} = {first.get(name)!r}", f"{name} = {wanted.get(name)!r}"))
     for number, text in enumerate(lines[1:], 2):
         row = _entry(path, text, number, _ROW)
-        if digests.get(row["cell"]) != row["digest"]:
+        if digests.get(row["cell"]) != row.pop("digest"):
             raise ValueError(refused.format(f"another scene {row['cell']}", "the same scenes, in this order, and seed"))
         rows[row["cell"]] = row
     file.truncate(len(content) - len(rest))
@@ -337,11 +285,7 @@ def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str])
 
 
 def _entry(path, text, number, types=None):
-    """Return the JSON object (dict) in a line of a store; ValueError for anything else.
-
-    `text` (bytes) is the line, `number` its number in the file at `path`, for the message; `types`: dict of the types
-    of its values by name, or None for any.
-    """
+    """Return the JSON object in a line of a store, with values of some types by name; ValueError for anything else."""
     try:
         entry = json.loads(text)
     except ValueError:
@@ -356,13 +300,13 @@ def _entry(path, text, number, types=None):
 
 
 def _append(file, content: bytes):
-    """Write all bytes of `content` to an unbuffered `file`; return None."""
+    """Write all bytes of `content` to an unbuffered file."""
     while content:
         content = content[file.write(content) :]
 
 
 def _json_line(entry) -> bytes:
-    """Return a dict of plain values as a line of JSON, bytes that end with a newline; TypeError for other values."""
+    """Return a line of JSON with its newline; TypeError for values that are not plain."""
     try:
         return (json.dumps(entry, allow_nan=False, ensure_ascii=False) + "\n").encode()
     except (TypeError, ValueError) as error:

@@ -233,13 +233,10 @@ def probability(
 ) -> Probability:
     """Estimate the probability that a block has overturned, to a wanted error, for the scene as it is.
 
-    A scene without noise has one path. Else 1,000 paths are sampled first. From them the seconds are predicted that
-    more paths take until the error is small enough, under white noise also those of the density (`solve_fpk`) and of
-    splitting (`montecarlo.split`), and the shortest way is taken. The density is left where its first solutions take so
-    much longer than predicted that paths are shorter. Band noise and filtered noise act as they are.
-
-    Whether the limit is enough is decided within a tenth of it, or 2 s: where the first paths do not tell, more are
-    sampled for so long, and the first repeats of splitting are as short.
+    A scene without noise has one path. Else paths are sampled, which predict the seconds that more paths take until the
+    error is small enough. Under white noise the density (`solve_fpk`) or splitting (`montecarlo.split`) is taken where
+    it is predicted to be sooner. Band noise and filtered noise act as they are. Whether the limit is enough is decided
+    within a tenth of it, or 2 s.
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
     as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
@@ -275,7 +272,7 @@ def probability(
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         A parameter is refused, or the wanted error takes longer than `limit_s`.
 
     Examples

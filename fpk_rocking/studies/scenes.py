@@ -1,4 +1,4 @@
-"""Scenes of a study: scaled shaking, blocks of another size, grids over parameters, and how strong a motion is.
+"""Scenes of a study: scaled shaking, blocks of another size, grids over parameters.
 
 All of it is a change of the scene's numbers. A base acceleration a enters as a/(g θ_cr) and a frequency as ω/p
 (docs/theory.md, section 1), so a block of another size has other numbers under the same shaking.
@@ -51,10 +51,6 @@ class Grid(NamedTuple):
         ----------
         number : int
             Place of the scene in `scenes`, from 0.
-
-        Returns
-        -------
-        dict of str to float
         """
         values = next(itertools.islice(itertools.product(*self.axes.values()), number, None))
         return dict(zip(self.axes, values, strict=True))
@@ -69,16 +65,6 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
         Scene that is changed.
     axes : dict of str to sequence of float
         Values of each parameter by its name, as `varied` takes it. The parameters are set in this order.
-
-    Returns
-    -------
-    Grid
-        Named tuple: `scenes`, the last axis changing fastest, and `axes`, the values of each parameter by name.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A name or a value is refused.
 
     Examples
     --------
@@ -113,15 +99,6 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
     value : float or (float, float)
         New value of the parameter; two of the restitution of a body.
 
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    TypeError, ValueError
-        The name is unknown, or the value is refused.
-
     Examples
     --------
     >>> from fpk_rocking import Scene
@@ -144,7 +121,10 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
         width = 2.0 * radius / math.hypot(1.0, slenderness)
         return resized(scene, width=width, height=slenderness * width)
     if name in LENGTHS:
-        return _with_size(scene, dataclasses.replace(_body_of(scene, name), **{name: value}))
+        if scene.block.body is None:
+            accepted = "only where the scene has [block.body]; this one has none"
+            raise ValueError(checks.refusal("parameter", name, accepted))
+        return _with_size(scene, dataclasses.replace(scene.block.body, **{name: value}))
     if part not in {"block", "forcing", "noise", "start", "overturning"} or not field:
         names = ", ".join(map(repr, (*sizes, *LENGTHS)))
         accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {names}"
@@ -164,10 +144,6 @@ def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
         Factor of the forcing, above 0.
     noise : bool
         Whether the noise is multiplied too: its variance, or diffusion, by the square of the factor.
-
-    Returns
-    -------
-    Scene
 
     Examples
     --------
@@ -195,10 +171,6 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     width, height : float, optional
         New full width and height, metres; one that is left out is kept.
 
-    Returns
-    -------
-    Scene
-
     Examples
     --------
     >>> from fpk_rocking import Scene
@@ -215,10 +187,7 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
 
 
 def _with_size(scene, new):
-    """Return a copy of a scene with a block of a `new` size, `Dimensions` or `Body`, under the same shaking.
-
-    As of `resized`: the start keeps its radians and seconds.
-    """
+    """Return the scene of a block of a new size, `Dimensions` or `Body`, under the same shaking (`resized`)."""
     block, start = scene.block, scene.start
     old, own = block.size, block.restitution
     angle = old.critical_angle / new.critical_angle
@@ -244,29 +213,16 @@ def _with_size(scene, new):
     )
 
 
-def _body_of(scene, name):
-    """Return the `Body` of a scene's block; ValueError where it has none, with the `name` of the parameter."""
-    if scene.block.body is None:
-        raise ValueError(checks.refusal("parameter", name, "only where the scene has [block.body]; this one has none"))
-    return scene.block.body
-
-
 def dimensions_of(scene: Scene, name: str) -> Dimensions:
-    """Return the `Dimensions` of a scene's block; ValueError where it has none, with the `name` of the parameter."""
+    """Return the dimensions of a scene's block; ValueError where it has none, with the name of the parameter."""
     if scene.block.dimensions is None:
-        raise ValueError(
-            checks.refusal(
-                "parameter", name, "only where the scene has [block.dimensions], a rectangle; this one has none"
-            )
-        )
+        accepted = "only where the scene has [block.dimensions], a rectangle; this one has none"
+        raise ValueError(checks.refusal("parameter", name, accepted))
     return scene.block.dimensions
 
 
 def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
-    """Return scenes, a sequence of `Scene`, as a tuple; TypeError or ValueError for anything else, or for none.
-
-    `name` is that of the parameter, for the message.
-    """
+    """Return one or more scenes as a tuple; `name` is that of the parameter, for the refusal of anything else."""
     accepted = "one or more scenes"
     scenes = checks.sequence(name, scenes, accepted)
     if not scenes:

@@ -27,8 +27,8 @@ class Sweep(Result):
     Parameters
     ----------
     rows : tuple of dict
-        For each scene, in order: "cell", its number; "seed" of its random numbers; "digest" of scene and seed;
-        "wall_s", its seconds; "values", what the function returned; and "reason", why it failed, else empty.
+        For each scene, in order: "cell", its number; "seed" of its random numbers; "wall_s", its seconds; "values",
+        what the function returned; and "reason", why it failed, else empty.
     axes : dict of str to tuple of float
         Values of the parameters of a grid by name; empty for a list of scenes.
     wall_s : float
@@ -71,11 +71,6 @@ class Sweep(Result):
         -------
         ndarray, shape of the grid or (scenes,)
             nan where a scene failed.
-
-        Raises
-        ------
-        ValueError
-            No row has such a value.
         """
         names = {key for row in self.rows for key in row["values"]}
         if name not in names:
@@ -97,7 +92,7 @@ class Sweep(Result):
         write_csv(path, columns, zip(*columns.values(), strict=True))
 
     def _table(self, missing):
-        """Return columns, lists of numbers and texts, by name; `missing` stands where a row has no value of a name."""
+        """Columns by name; `missing` stands where a row has no value of a name."""
         names = dict.fromkeys(
             key for row in self.rows for key, value in row["values"].items() if not isinstance(value, list | dict)
         )
@@ -112,17 +107,17 @@ class Sweep(Result):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Numbers by name: "scenes", "failed", of each verdict that some scenes have, and "wall_s", seconds."""
+        """Number of scenes, of failed ones, and of those with each verdict; seconds."""
         return {"scenes": len(self.rows), "failed": len(self.failed)} | self._verdicts() | {"wall_s": self.wall_s}
 
     def _verdicts(self):
-        """Return a dict of the number of scenes by verdict, of those verdicts that some have."""
+        """Number of scenes by verdict, of those verdicts that some have."""
         verdicts = [row["values"].get("trust") for row in self.rows]
         return {name: verdicts.count(name) for name in VERDICTS if name in verdicts}
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """A list of `Diagnostic`: of scenes that failed, have no verdict, or one that is not "ok"."""
+        """Diagnostics of scenes that failed, have no verdict, or one that is not "ok"."""
         against, count, verdicts = [], len(self.rows), self._verdicts()
         if self.failed:
             sentence = f"{len(self.failed)} of {count} scenes failed, the first one by: {self.failed[0]['reason']}"
@@ -173,7 +168,7 @@ class Sweep(Result):
         return {name: np.array(values) for name, values in self.axes.items()}
 
     def _numbers(self):
-        """Return a list of the names of the values that are numbers, or lists of numbers."""
+        """Names of the values that are numbers, or lists of numbers."""
         values = {key: value for row in self.rows for key, value in row["values"].items()}
         last = {name: value[-1] if isinstance(value, list) and value else value for name, value in values.items()}
         return [name for name, value in last.items() if isinstance(value, int | float)]
@@ -185,10 +180,6 @@ class Sweep(Result):
         ----------
         name : str, optional
             Name of the value, as `values` takes it; by default the first.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
         """
         from fpk_rocking.results.pictures import figure_of
 
@@ -197,7 +188,6 @@ class Sweep(Result):
         first, *others = self.axes.items() or [("scene", range(len(self.rows)))]
 
         def panel(_, axes):
-            """Draw the values over the first parameter on matplotlib `axes`; the first argument is not used."""
             lines = values.reshape(len(first[1]), -1).T
             for line, place in zip(lines, itertools.product(*(axis for _, axis in others)), strict=True):
                 label = ", ".join(f"{other} {value:g}" for (other, _), value in zip(others, place, strict=True))
@@ -251,12 +241,12 @@ def sweep(
     Returns
     -------
     Sweep
-        `rows`, a dict for each scene, with what the task returned under "values". A scene that fails, or that ends its
-        worker process, has a row with the reason.
+        Its `rows` have what the task returned. A scene that fails, or ends its worker process, has a row with the
+        reason.
 
     Raises
     ------
-    TypeError, ValueError
+    ValueError
         A parameter is refused, or the store belongs to another sweep or to one that still runs.
     RuntimeError
         The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.

@@ -20,11 +20,7 @@ from montecarlo.simulation import simulate
 
 
 def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
-    """Sample a scene by `montecarlo.simulate`; return a dict of plain values.
-
-    "survival": a list by row; "survivors" of the last row, and "realizations": int; "method", "trust" (the verdict):
-    texts. `options`: keyword arguments of `simulate`.
-    """
+    """Sample a scene by `montecarlo.simulate`, which takes the options; survival is a list by row."""
     result = simulate(scene, seed=seed, **options)
     return {
         "survival": result.survival.tolist(),
@@ -35,12 +31,8 @@ def mc(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:
     }
 
 
-def fpk(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed; a density has no use for it)
-    """Solve a scene by `fpk_rocking.solve_fpk`, not refined for bins; return a dict of plain values.
-
-    "survival": a list by row; "error_estimate", "mass_defect", "negative_mass": floats; "noise_replacement", "trust"
-    (the verdict): texts. `options`: keyword arguments of `solve_fpk`; `seed` is not used.
-    """
+def fpk(scene: Scene, *, seed: int, **options: Any) -> dict[str, Any]:  # noqa: ARG001  (every task takes a seed)
+    """Solve a scene by `fpk_rocking.solve_fpk`, which takes the options, not refined for bins."""
     result = solve_fpk(scene, **{"bins_tol": math.inf} | options)
     return {
         "survival": np.asarray(result.survival).tolist(),
@@ -57,10 +49,7 @@ TASKS = {"mc": mc, "fpk": fpk}
 
 
 def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[Task]:
-    """Return a sorted list of the tasks of `base.precompilation` that compile what a task of `TASKS` calls.
-
-    They are those for `scenes` and for the `options` of the task; none for a function that is not in `TASKS`.
-    """
+    """Tasks of `base.precompilation` that compile what a task of `TASKS` calls for some scenes, sorted."""
     names: set[Task] = set()
     for scene in scenes:
         if task is mc:
@@ -84,19 +73,18 @@ def checked(
     beside: Any = None,
     progress: Progress | None = None,
 ) -> Evolution:
-    """Return a density with its measured error by the replacement of noise, from paths under the scene's noise.
+    """Measure the error of a density by the replacement of noise, with paths under the scene's noise.
 
     Parameters
     ----------
     density : Evolution
         One whose noise was solved as it is comes back as it is.
     realizations : int, optional
-        Number of paths, at least 1. By default 40,000, and 10,000 in a record, where a path takes up to a hundred times
-        as long.
+        Number of paths. By default 40,000, and 10,000 in a record.
     seed : int
         Seed of the paths.
     beside : Ensemble or Tally, optional
-        Of the same scene and 40,000 paths or more: taken in place of new ones. Any other is passed over.
+        Taken in place of new paths if it is of the same scene and has 40,000 or more.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of paths.
 
@@ -104,11 +92,6 @@ def checked(
     -------
     Evolution
         The same density with its ``replacement``.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A parameter is refused.
 
     Examples
     --------
@@ -119,7 +102,8 @@ def checked(
     [0.03 0.02 0.03]
     """
     scene = density.scene
-    realizations, seed = _check_size(scene, realizations, seed)
+    realizations = check_paths(scene) if realizations is None else checks.count("realizations", realizations)
+    seed = checks.count("seed", seed, at_least=0)
     if not density.noise_replacement:
         return density
     if beside is not None and beside.scene == scene and beside.realizations >= CHECK_PATHS:
@@ -128,21 +112,14 @@ def checked(
     return density.checked(simulate(scene, **rows, realizations=realizations, seed=seed, progress=progress))
 
 
-def expect_check(scene: Scene) -> None:
-    """Have the kernels of a check of a scene's density compiled beside the solver's; nothing is returned.
-
-    A check follows paths under band noise; for other noise this does nothing.
-    """
-    if scene.noise.kind == "band":
-        precompilation.queue_for_helpers(task_of(engine_of(scene), scene))
+def check_paths(scene: Scene) -> int:
+    """Number of paths of a check; fewer in a record, where a path takes up to a hundred times as long."""
+    return 10_000 if scene.forcing.dimensional else CHECK_PATHS
 
 
-def _check_size(scene, realizations, seed):
-    """Return (realizations, seed) of a check, integers, the default number of paths for None; ValueError if wrong."""
-    checks.instance("scene", scene, Scene)
-    usual = 10_000 if scene.forcing.dimensional else CHECK_PATHS
-    realizations = usual if realizations is None else checks.count("realizations", realizations)
-    return realizations, checks.count("seed", seed, at_least=0)
+def kernels_of_check(scene: Scene) -> list[Task]:
+    """Tasks of `base.precompilation` for a check of a scene's density: of paths, under band noise."""
+    return [task_of(engine_of(scene), scene)] if scene.noise.kind == "band" else []
 
 
 class SlendernessCost(NamedTuple):
@@ -153,8 +130,7 @@ class SlendernessCost(NamedTuple):
     exact, slender : float
         Part of the paths that overturned.
     standard_error : float
-        Of `difference`, from the pairs of which one overturned and the other did not; as from one such pair where there
-        is none. 0 for a deterministic scene.
+        Of `difference`, from the pairs that differ, or as from one such pair where there is none. 0 without noise.
     realizations : int
         Number of pairs.
 
@@ -198,8 +174,7 @@ def slenderness_cost(
 ) -> SlendernessCost:
     """Measure what the slender equation adds to the probability of overturning of a block, by Monte Carlo.
 
-    Both equations meet the same realizations of the noise and of the start. It holds for a result of the density solver
-    as well, as far as its noise is that of the scene.
+    Both equations meet the same realizations of the noise and of the start.
 
     Parameters
     ----------
@@ -209,17 +184,6 @@ def slenderness_cost(
         As for `montecarlo.simulate`.
     realizations : int
         Number of pairs.
-
-    Returns
-    -------
-    SlendernessCost
-        Named tuple: probability by the `exact` and by the `slender` equation, `standard_error` of their `difference`,
-        `realizations`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        The block has neither dimensions nor a critical angle, or as `montecarlo.simulate`.
 
     Examples
     --------

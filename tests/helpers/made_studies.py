@@ -125,7 +125,6 @@ def sweep(gridded=True):
         {
             "cell": k,
             "seed": int(seeds[k]),
-            "digest": "",
             "wall_s": seconds[k],
             "values": {} if k == failed else {"survival": survival[k].tolist(), "peak": 2.0 * k, "trust": "ok"},
             "reason": "ValueError: refused" * (k == failed),

@@ -16,8 +16,8 @@ from fpk_rocking.base import precompilation
 from fpk_rocking.envelopes import Trapezoid
 from fpk_rocking.output import tables as progress_lines
 from fpk_rocking.scene import BandNoise, FilteredNoise, WhiteNoise
-from fpk_rocking.studies import execution, grid, sweep
-from fpk_rocking.studies.execution import run_job, seed_of
+from fpk_rocking.studies import grid, sweep
+from fpk_rocking.studies.execution import seed_of
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulate
 from montecarlo.engines import engine_of
@@ -75,19 +75,20 @@ def test_monte_carlo_and_density_by_name():
 
 
 def test_kernels_are_compiled_before_workers_start(monkeypatch):
-    """Those of the engines that the scenes ask for; here the workers are this process."""
-    compiled, begun = [], []
-
-    def rows_from(workers, task, jobs, options):
-        begun.append((workers, tuple(compiled)))
-        yield from (run_job(task, job, options) for job in jobs)
-
+    """Those of the engines that the scenes ask for; not for this process alone."""
+    compiled, asked = [], {"scenes": [SCENE, SCENE.varied(noise=WhiteNoise(0.01))], "cycles": 1, "realizations": 1}
     monkeypatch.setattr(precompilation, "ensure_compiled", compiled.append)
-    monkeypatch.setattr(execution, "_rows_from", rows_from)
-    white = SCENE.varied(noise=WhiteNoise(0.01))
-    for workers in (1, 2):
-        assert sweep([SCENE, white], "mc", workers=workers, cycles=1, realizations=1).failed == ()
-    assert begun == [(1, ()), (2, tuple(task_of(engine_of(scene), scene) for scene in (SCENE, white)))]
+
+    class Pool(concurrent.futures.ThreadPoolExecutor):
+        def submit(self, *job):
+            self.before = list(compiled)
+            return super().submit(*job)
+
+    assert sweep(**asked).failed == ()
+    assert compiled == []
+    with Pool(1) as pool:
+        assert sweep(**asked, workers=pool).failed == ()
+    assert pool.before == [task_of(engine_of(scene), scene) for scene in asked["scenes"]]
 
 
 def test_kernels_are_those_of_the_engines_that_will_run():
