@@ -49,6 +49,8 @@ class March:
     steps : int
         Steps a cycle.
     scheme : Scheme
+    tolerance : float
+        Relative, of the linear solver.
 
     Attributes
     ----------
@@ -58,8 +60,8 @@ class March:
         Time spent on its preconditioner, so far.
     """
 
-    def __init__(self, operator, steps, scheme=GAUSS):
-        self.operator, self.steps, self.scheme = operator, steps, scheme
+    def __init__(self, operator, steps, scheme=GAUSS, tolerance=TOLERANCE):
+        self.operator, self.steps, self.scheme, self.tolerance = operator, steps, scheme, tolerance
         self.duration = operator.scene.period / steps
         self.iterations, self.seconds = 0, 0.0
         self._force, self._inverses = math.inf, None
@@ -112,7 +114,7 @@ class March:
 
         shape = matrix.shape
         solution, code = gmres(
-            LinearOperator(shape, applied, dtype=kind), right.astype(kind), rtol=TOLERANCE, restart=RESTART,
+            LinearOperator(shape, applied, dtype=kind), right.astype(kind), rtol=self.tolerance, restart=RESTART,
             maxiter=MOST, M=LinearOperator(shape, preconditioned, dtype=kind), callback=count, callback_type="pr_norm",
         )  # fmt: skip
         if code:

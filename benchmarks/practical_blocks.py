@@ -47,20 +47,10 @@ _PATHS_SEED = 12
 _TIMED_SEED = 13
 
 
-def practical_blocks(seed, count):
-    """Draw the scenes: band noise, Housner's restitution, from rest at phase 0.
+def practical_blocks(seed, count, least=LEAST_STANDING):
+    """Draw some number of scenes: band noise, Housner's restitution, from rest at phase 0.
 
-    A scene in which fewer than a hundredth of the blocks stand after ten cycles is drawn again.
-
-    Parameters
-    ----------
-    seed : int
-    count : int
-        Number of scenes.
-
-    Yields
-    ------
-    Scene
+    A scene in which less than a `least` part of the blocks stands after ten cycles is drawn again.
     """
     rng = np.random.default_rng(seed)
 
@@ -76,7 +66,7 @@ def practical_blocks(seed, count):
         rms = _GRAVITY * rng.uniform(0.02, 0.1)
         band = 0.0, rng.uniform(5.0, 10.0)
         scene = Scene.from_block(width, height, peak, hertz, noise_rms_acceleration=rms, noise_band_hz=band)
-        if simulate(scene, cycles=CYCLES, realizations=_SCREENED, method="exact").survival[-1] >= LEAST_STANDING:
+        if simulate(scene, cycles=CYCLES, realizations=_SCREENED, method="exact").survival[-1] >= least:
             count -= 1
             yield scene
 
@@ -140,11 +130,11 @@ def motion_edges(scene):
     return edges_of_axes
 
 
-def reference_of(scene, paths):
+def reference_of(scene, paths, kept=KEPT):
     """Return the `Reference` of a scene with white noise; from the folder of those kept where it is there."""
     settings = scene.to_toml(), paths, _PATHS_SEED, 200
     name = hashlib.sha256(repr((*settings, CYCLES, BINNED)).encode()).hexdigest()[:16]
-    file = KEPT / f"{name}.npz"
+    file = kept / f"{name}.npz"
     if file.exists():
         with np.load(file) as stored:
             return Reference(**stored)
@@ -160,7 +150,7 @@ def reference_of(scene, paths):
     )
     histogram = run.counts.histogram[list(BINNED)]
     reference = Reference(*map(np.array, settings), run.survivors, np.array(BINNED), *edges, histogram)
-    KEPT.mkdir(parents=True, exist_ok=True)
+    kept.mkdir(parents=True, exist_ok=True)
     with storage.replaced_atomically(file) as temporary:
         np.savez_compressed(temporary, **reference._asdict())
     return reference
@@ -176,10 +166,10 @@ def engine_rates(scene, white, paths):
     return variance, rates
 
 
-def judged(scene, tol, paths):
+def judged(scene, tol, paths, kept=KEPT):
     """Solve a scene and hold the answer against its reference: a `Row`, whatever comes."""
     white = scene.white_equivalent()
-    reference = reference_of(white, paths)
+    reference = reference_of(white, paths, kept)
     variance, rates = engine_rates(scene, white, min(paths, _TIMED))
     begin = time.perf_counter()
     error = z = estimate = bins = apart = None

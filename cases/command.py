@@ -5,7 +5,7 @@ import inspect
 import pathlib
 
 
-def command(run, folder, *files, report=None, **options) -> None:
+def command(run, folder, *files, report=None, arguments=None, **options) -> None:
     """Read the command line, run a case, and print what it found and where its files are.
 
     Parameters
@@ -18,6 +18,8 @@ def command(run, folder, *files, report=None, **options) -> None:
         Names of the files.
     report : callable, optional
         Prints the most important of these values.
+    arguments : list of str, optional
+        By default those of the process.
     **options : str
         What a keyword of `run` is, for the option of the same name and default.
     """
@@ -28,8 +30,8 @@ def command(run, folder, *files, report=None, **options) -> None:
         parser.add_argument(
             f"--{name}", type=type(default), default=default, help=f"{help_text} (default: %(default)s)"
         )
-    arguments = parser.parse_args()
-    values = run(**vars(arguments))
+    parsed = parser.parse_args(arguments)
+    values = run(**vars(parsed))
     if report is not None:
         report(values)
-    print(f"Files in {arguments.out}: {', '.join(files)}")
+    print(f"Files in {parsed.out}: {', '.join(files)}")

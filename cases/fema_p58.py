@@ -38,19 +38,19 @@ SCALES = tuple(np.geomspace(0.5, 14.0, 16).tolist())
 """Velocities in units of .18 s times g B/H."""
 
 
-def median_of(size, motions) -> dict:
+def median_of(size, motions, scales=SCALES) -> dict:
     """Median peak velocity at which a block of a size (m) overturns under motions, its 95 % limits, and the dispersion.
 
-    Velocities are in m/s; `motions` are records, each of which is scaled to all velocities.
+    Velocities are in m/s; `motions` are records, each of which is scaled to all velocities (`scales` as `SCALES`).
     """
     scenes = [Scene(Block(dimensions=size), motion, NoNoise()) for motion in motions]
-    scale = 0.18 * GRAVITY * size.width / size.height * np.array(SCALES)
+    scale = 0.18 * GRAVITY * size.width / size.height * np.array(scales)
     curves = fragility([at_intensity(scene) for scene in scenes], scale=scale)
     fit = IntensityCurve.of(curves, samples=400).fit
     return {"median": fit.median, "interval": list(fit.median_interval), "dispersion": fit.dispersion}
 
 
-def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
+def run(out, motions=30, radii=RADII, published=PUBLISHED, scales=SCALES, seed=1) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -63,6 +63,8 @@ def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
         Half diagonals of the other blocks, m.
     published : sequence of (float, float, float)
         Depth and height, inches, and median, m/s.
+    scales : sequence of float
+        Velocities, as `SCALES`.
     seed : int
         Of the motions.
 
@@ -80,7 +82,7 @@ def run(out, motions=30, radii=RADII, published=PUBLISHED, seed=1) -> dict:
     blocks = []
     with reporting("blocks") as progress:
         for number, size in enumerate([*sizes, *others]):
-            blocks.append({"width": size.width, "height": size.height} | median_of(size, suite))
+            blocks.append({"width": size.width, "height": size.height} | median_of(size, suite, scales))
             progress(number + 1, len(sizes) + len(others))
     values = {"motions": motions, "published": [median for *_, median in published], "blocks": blocks}
     storage.write_json(out / "fema_p58.json", plain(values))

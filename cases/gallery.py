@@ -86,15 +86,15 @@ LARGEST = 150_000
 WIDTHS = (1260, 1130, 1010, 900, 800)
 
 
-def run(gallery, results, only=tuple(PICTURES), redraw=False) -> dict:
+def run(gallery, results, cases=PICTURES, redraw=False) -> dict:
     """Run cases, or draw anew what the gallery holds of them, and put their pictures into the gallery.
 
     Parameters
     ----------
     gallery, results : path
         Folders for the reduced pictures, and for all that the cases write; created if missing.
-    only : sequence of str
-        Names of cases; of `DRAWN_FROM_NUMBERS` if `redraw`.
+    cases : dict of str to dict
+        Pictures of cases by their names, as `PICTURES`; of `DRAWN_FROM_NUMBERS` if `redraw`.
     redraw : bool
         Draw from the numbers in the gallery.
 
@@ -104,16 +104,16 @@ def run(gallery, results, only=tuple(PICTURES), redraw=False) -> dict:
         Seconds of each case.
     """
     seconds = {}
-    for name in only:
+    for name, pictures in cases.items():
         started = time.monotonic()
-        folder, numbers = pathlib.Path(results) / name, pathlib.Path(gallery) / numbers_of(name)
+        folder, numbers = pathlib.Path(results) / name, pathlib.Path(gallery) / numbers_of(name, cases)
         module = importlib.import_module(name)
         if redraw:
-            (picture,) = PICTURES[name]
+            (picture,) = pictures
             module.draw(folder / picture, json.loads(numbers.read_text(encoding="utf-8")))
         else:
             module.run(folder)
-        for picture, reduced in PICTURES[name].items():
+        for picture, reduced in pictures.items():
             reduce(folder / picture, pathlib.Path(gallery) / reduced)
         if not redraw:
             write_text(numbers, _numbers(folder))
@@ -122,9 +122,9 @@ def run(gallery, results, only=tuple(PICTURES), redraw=False) -> dict:
     return seconds
 
 
-def numbers_of(name):
+def numbers_of(name, cases=PICTURES):
     """Return the name under which the gallery holds the numbers of a case: that of its first picture."""
-    return pathlib.Path(next(iter(PICTURES[name].values()))).with_suffix(".json").name
+    return pathlib.Path(next(iter(cases[name].values()))).with_suffix(".json").name
 
 
 def _numbers(folder):
@@ -135,8 +135,8 @@ def _numbers(folder):
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def reduce(source, target):
-    """Write a picture with 256 colours, as wide as `LARGEST` lets it be, and with its title."""
+def reduce(source, target, largest=LARGEST):
+    """Write a picture with 256 colours, as wide as the largest size of a file lets it be, and with its title."""
     from PIL import Image, PngImagePlugin
 
     about = PngImagePlugin.PngInfo()
@@ -150,7 +150,7 @@ def reduce(source, target):
         few = picture.resize(size, Image.Resampling.LANCZOS).quantize(256, **method)
         with replaced_atomically(target) as temporary:
             few.save(temporary, format="PNG", optimize=True, pnginfo=about)
-        if pathlib.Path(target).stat().st_size <= LARGEST:
+        if pathlib.Path(target).stat().st_size <= largest:
             return
 
 
@@ -202,7 +202,7 @@ def main() -> int:
     only = options.only or cases
     if not set(only) <= set(cases):
         parser.error(f"--redraw: got {' '.join(only)}, accepted: {', '.join(cases)}")
-    seconds = run(options.out, options.results, only, options.redraw)
+    seconds = run(options.out, options.results, {name: PICTURES[name] for name in only}, options.redraw)
     write_text(ROOT / "docs" / "gallery.md", shown(ROOT / "docs"))
     print(f"{len(seconds)} cases, {sum(seconds.values()):.0f} s: pictures in {options.out}")
     return 0

@@ -49,7 +49,7 @@ SIDES = {"left": -1, "right": 1}
 _PER_CYCLE = 2_000
 
 
-def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, seed=1) -> dict:
+def run(out, amplitudes=AMPLITUDES, parts=PARTS, cycles=CYCLES, realizations=20_000, tol=1e-2, seed=1) -> dict:
     """Compute, draw and write everything.
 
     Parameters
@@ -60,6 +60,8 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
         A₂, nondimensional.
     parts : int
         Into how many the circle of Ψ₂ is divided; an even number.
+    cycles : int
+        From rest, and of a long run those after which overturning counts.
     realizations : int
         Of each ensemble.
     seed : int
@@ -72,12 +74,12 @@ def run(out, amplitudes=AMPLITUDES, parts=PARTS, realizations=20_000, tol=1e-2, 
     dict
         What ``second_harmonic.json`` holds.
     """
-    scene, sampled = load_scene("second_harmonic"), (realizations, seed)
+    scene, sampled = load_scene("second_harmonic"), (cycles, realizations, seed)
     circle = [2.0 * math.pi * part / parts for part in range(parts)]
     turned = [with_second(scene, scene.forcing.amplitudes[1], psi) for psi in circle]
     values = {
         "scene": scene.to_toml(),
-        "cycles": CYCLES,
+        "cycles": cycles,
         "realizations": realizations,
         "amplitudes": list(amplitudes),
         "phases": [
@@ -98,16 +100,16 @@ def with_second(scene, amplitude, phase):
     return scene.varied(forcing={"amplitudes": (first, amplitude), "phases": (psi, phase)})
 
 
-def from_rest(scenes, tol, realizations, seed):
-    """Survival after `CYCLES` of scenes and probabilities (scenes, 2) of overturning to each side.
+def from_rest(scenes, tol, cycles, realizations, seed):
+    """Survival after some cycles of scenes and probabilities (scenes, 2) of overturning to each side.
 
     By the density, and by Monte Carlo with a seed for each scene, the first of which is `seed`.
     """
     densities, ensembles = [], []
     with reporting("survival from rest") as progress:
         for k, scene in enumerate(scenes):
-            densities.append(solve_fpk(scene, cycles=CYCLES, tol=tol))
-            ensembles.append(simulate(scene, cycles=CYCLES, realizations=realizations, seed=seed + k))
+            densities.append(solve_fpk(scene, cycles=cycles, tol=tol))
+            ensembles.append(simulate(scene, cycles=cycles, realizations=realizations, seed=seed + k))
             progress(k + 1, len(scenes))
     counts = [np.rint(ensemble.overturned[-1] * realizations) for ensemble in ensembles]
     return {
@@ -121,7 +123,7 @@ def from_rest(scenes, tol, realizations, seed):
     }
 
 
-def long_run(turned, tol, realizations, seed):
+def long_run(turned, tol, cycles, realizations, seed):
     """Rates of overturning to each side once the start is forgotten, by operators and Monte Carlo, and Melnikov fluxes.
 
     All are per cycle. The scenes go once around the circle of Ψ₂; operators are solved for the first half of them.
@@ -134,7 +136,7 @@ def long_run(turned, tol, realizations, seed):
                 solved.append(side_rates(operator))
                 errors.append(operator.escape_rate * operator.escape_error)
             ensemble = simulate(scene, cycles=LONG_CYCLES, realizations=realizations, seed=seed + k)
-            samples.append([overturning_rate(ensemble, CYCLES, side=side) for side in SIDES.values()])
+            samples.append([overturning_rate(ensemble, cycles, side=side) for side in SIDES.values()])
             progress(k + 1, len(turned))
     alone = with_second(turned[0], 0.0, 0.0)
     return {
@@ -182,19 +184,19 @@ def draw(path, values):
         f"{scene.noise.diffusion:g}."
     )
     engines = (
-        f"Lines: density. Points: {values['realizations']:,} paths, 95 % intervals. (d) from cycle {CYCLES} to "
-        f"{LONG_CYCLES}, over the rate {later['rate_without'][0]:.2g} a cycle and side at A₂ = 0."
+        f"Lines: density. Points: {values['realizations']:,} paths, 95 % intervals. (d) from cycle "
+        f"{values['cycles']} to {LONG_CYCLES}, over the rate {later['rate_without'][0]:.2g} a cycle and side at A₂ = 0."
     )
     survival = values["from_rest"]["survival"]
     title = (
-        f"The phase of a second harmonic decides: survival of {CYCLES} cycles from {min(survival):.2f} to "
+        f"The phase of a second harmonic decides: survival of {values['cycles']} cycles from {min(survival):.2f} to "
         f"{max(survival):.2f}, without it {values['phases'][0]['survival'][0]:.2f}"
     )
     with pictures.page(path, (10.5, 10.2), title, [forces, engines]) as figure:
         (force, amplitude), (rest, rates) = figure.subplots(2, 2)
         _forces(force, scene)
         _against_amplitude(amplitude, values)
-        _shares(rest, values["from_rest"])
+        _shares(rest, values)
         _rates(rates, later)
         for axes in (rest, rates):
             axes.set(xlabel="phase Ψ₂ of the second harmonic, rad", xlim=(-0.1, 2.0 * math.pi + 0.1))
@@ -234,8 +236,9 @@ def _against_amplitude(axes, values):
     axes.set_xticks(np.linspace(0.0, values["amplitudes"][-1], 5))
 
 
-def _shares(axes, shares):
+def _shares(axes, values):
     """Draw the shares that stand and overturn to each side against the phase."""
+    shares = values["from_rest"]
     phases, (left, right) = _closed(shares["phases"]), _closed(shares["overturned"]).T
     sampled, interval = _closed(shares["sampled_overturned"]), _closed(shares["sampled_overturned_interval"])
     look = {"alpha": 0.25, "linewidth": 0.0}
@@ -248,7 +251,7 @@ def _shares(axes, shares):
     axes.text(0.65 * math.pi, 0.85, "overturned to the right", **middle)
     axes.text(1.5 * math.pi, 0.5, "standing", **middle)
     axes.text(0.6 * math.pi, 0.04, "overturned to the left", **middle)
-    axes.set(title=f"(c) From rest: the state after {CYCLES} cycles", ylim=(0.0, 1.0), ylabel="probability")
+    axes.set(title=f"(c) From rest: the state after {values['cycles']} cycles", ylim=(0.0, 1.0), ylabel="probability")
 
 
 def _rates(axes, curves):
@@ -275,7 +278,7 @@ def _closed(column):
 def report(values):
     """Print survival and rates."""
     for curve in values["phases"]:
-        print(f"Ψ₂ = {curve['phase']}: survival after {CYCLES} cycles against A₂, density | Monte Carlo")
+        print(f"Ψ₂ = {curve['phase']}: survival after {values['cycles']} cycles against A₂, density | Monte Carlo")
         for row in zip(values["amplitudes"], curve["survival"], curve["sampled_survival"], strict=True):
             print("  {:<6g} {:.4f} | {:.4f}".format(*row))
     print("Ψ₂/π: rates per cycle in the long run, to the left and to the right; Melnikov fluxes")

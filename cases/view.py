@@ -24,7 +24,7 @@ from fpk_rocking.results.pictures import OVERTURNED, SURFACE
 _HEIGHT = 1.6
 
 
-def main(arguments=None) -> int:
+def main(arguments=None, probe=probe_rendering) -> int:
     """Show a series; exit status 0, or 1 with one message on standard error where that is not possible."""
     parser = argparse.ArgumentParser(description="Show a series of joint densities.")
     parser.add_argument("folder", type=pathlib.Path, help="folder with the .pvd file")
@@ -34,7 +34,7 @@ def main(arguments=None) -> int:
     options = parser.parse_args(arguments)
 
     listing = options.folder / f"{options.series}.pvd"
-    problem = _problem(listing, options.screenshot)
+    problem = _problem(listing, options.screenshot, probe)
     if problem:
         sys.stderr.write(f"view: {problem}\n")
         return 1
@@ -48,12 +48,12 @@ def main(arguments=None) -> int:
     return 0
 
 
-def _problem(listing, screenshot) -> str:
+def _problem(listing, screenshot, probe) -> str:
     """Say why nothing can be shown and what to do, or return an empty string."""
     if not listing.is_file():
         return f"there is no {listing}; write it with: python cases/fig06_jpdf_evolution.py --out {listing.parent}"
     elsewhere = f"copy the folder to a machine with a screen and open {listing.name} there in ParaView"
-    rendering = probe_rendering()
+    rendering = probe()
     if not rendering.works:
         package = "install an OpenGL library (Debian, Ubuntu: apt install libgl1 libegl1)"
         return f"{rendering.reason}; {package}, or {elsewhere}"

@@ -31,35 +31,23 @@ from fpk_rocking.options import (
 
 
 def main(arguments=None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : list of str, optional
-        By default those of the process.
-
-    Returns
-    -------
-    int
-        Exit status: 0, 2 for bad input or what the machine refuses, 130 when interrupted, 143 when terminated.
-    """
+    """Run the command line; return the exit status. The arguments are by default those of the process."""
     options, begun = _parser().parse_args(arguments), time.time()
     options.typed = shlex.join(["fpk-rocking", *(sys.argv[1:] if arguments is None else map(str, arguments))])
     try:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
-            if getattr(options, "out", None):
+            if options.out:
                 console.check_folder("--out", options.out)
-            if getattr(options, "report", None):
+            if options.report:
                 console.check_folder("--report", options.report.parent)
                 if options.report.is_dir():
                     raise ValueError(f"--report: got the folder {str(options.report)!r}, accepted: a file to write")
-            if getattr(options, "checkpoint", None) and not options.tally:
+            if options.checkpoint and not options.tally:
                 raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
             options.run(options)
             sys.stdout.flush()
     except KeyboardInterrupt as stop:
-        state = getattr(options, "checkpoint", None) or getattr(options, "store", None)
-        left = console.what_is_left(begun, getattr(options, "out", None), state)
+        left = console.what_is_left(begun, options.out, options.checkpoint or options.store)
         word = "terminated" if isinstance(stop, console.Terminated) else "interrupted"
         sys.stderr.write(f"fpk-rocking: {word}; {left}\n")
         return 143 if isinstance(stop, console.Terminated) else 130
@@ -71,18 +59,16 @@ def main(arguments=None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    """Return the argparse parser of the command line, with a subparser for each command."""
+    """Parser of the command line, with one for each command."""
     layout = argparse.RawDescriptionHelpFormatter
     parser = Parser("fpk-rocking", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=layout)
     parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
+    # What every command is asked for, whether it has the option or not.
+    parser.set_defaults(**dict.fromkeys(("out", "report", "checkpoint", "store", "records", "synthetic")))
     commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), arguments_by_name()
 
     def command(name, run, does, more="", options="", files=""):
-        """Add the subparser of the command `name`; `run` is the function that `main` calls with the parsed options.
-
-        `does` and `more` are its description, `options` the names of its arguments in `_OPTIONS`, parted by blanks, and
-        `files` what stands in the help of --out.
-        """
+        """Add the parser of a command: what it does, its options by name, and what the help of --out says it writes."""
         added = commands.add_parser(name, help=does, description=f"{does[0].upper()}{does[1:]}. {more}")
         for option in options.split():
             own = {"help": f"{arguments[option]['help']}: {files}"} if option == "--out" else {}
@@ -117,11 +103,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _probability(options):
-    """Run the command ``probability`` with its parsed `options`: compute, print and save a `Probability`."""
-    from fpk_rocking.output import tables
-    from fpk_rocking.output.tables import reporting
+    from fpk_rocking.output.tables import probability_table, reporting
     from fpk_rocking.results.pictures import save
-    from fpk_rocking.results.storage import write_json
     from fpk_rocking.studies.probability import probability
 
     scene = scene_of(options, options.scene)
@@ -133,45 +116,34 @@ def _probability(options):
         answer.save(options.out / "result.npz")
         answer.to_csv(options.out / "probability.csv")
         save(answer.plot(), options.out / "probability.png")
-        write_json(options.out / "summary.json", answer.summary())
-    _print(options, answer, answer.summary(), lambda: tables.probability_table(answer))
+    _hand_over(options, answer, answer.summary(), probability_table(answer))
     if answer.interrupted:
         raise KeyboardInterrupt
 
 
 def _fpk(options):
-    """Run the command ``fpk`` with its parsed `options`: solve a scene, and print and save the density."""
-    _finish(options, _checked(options, _solved(options, scene_of(options, options.scene))))
+    from fpk_rocking.compare import shown_cycles
+    from fpk_rocking.output import tables, vtk
+
+    density = _checked(options, _solved(options, scene_of(options, options.scene)))
+    if options.out:
+        density.save(options.out / "result.npz")
+        vtk.write_series(options.out, "jpdf", density, sorted({0, *shown_cycles(len(density.times) - 1)}))
+    _hand_over(options, density, density.summary(), tables.result_table(density), [density])
 
 
 def _mc(options):
-    """Run the command ``mc`` with its parsed `options`: simulate a scene, and print and save the sample."""
-    _finish(options, _simulated(options, scene_of(options, options.scene)))
+    from fpk_rocking.output import tables
 
-
-def _finish(options, result):
-    """Save and print a `SurvivalResult` of one engine, of a density its VTK series too, as the parsed `options` say."""
-    from fpk_rocking.compare import shown_cycles
-    from fpk_rocking.output import tables, vtk
-    from fpk_rocking.results.storage import write_json
-
-    values = result.summary()
+    sample = _simulated(options, scene_of(options, options.scene))
     if options.out:
-        result.save(options.out / "result.npz")
-        if result.realizations is None:
-            vtk.write_series(options.out, "jpdf", result, sorted({0, *shown_cycles(len(result.times) - 1)}))
-        write_json(options.out / "summary.json", values)
-    _print(options, result, values, lambda: tables.result_table(result), [result])
+        sample.save(options.out / "result.npz")
+    _hand_over(options, sample, sample.summary(), tables.result_table(sample), [sample])
 
 
 def _compare(options):
-    """Run the command ``compare`` with its parsed `options`.
-
-    It solves and simulates a scene, or loads two saved results, and prints and saves the comparison.
-    """
     from fpk_rocking.compare import compare
     from fpk_rocking.output import figures, tables
-    from fpk_rocking.results.storage import write_json
 
     if len(options.inputs) == 2:
         first, second = _loaded(options)
@@ -187,14 +159,11 @@ def _compare(options):
             first.save(options.out / "ensemble.npz")
             second.save(options.out / "density.npz")
         figures.survival_figure(options.out / "survival.png", [second, first])
-        write_json(options.out / "summary.json", compared.summary())
-    _print(options, compared, compared.summary(), lambda: tables.comparison_table([compared]), [second, first])
+    _hand_over(options, compared, compared.summary(), tables.comparison_table([compared]), [second, first])
 
 
 def _fragility(options):
-    """Run the command ``fragility`` with its parsed `options`: compute, print and save fragility curves."""
     from fpk_rocking.output.tables import reporting
-    from fpk_rocking.results.storage import write_json
     from fpk_rocking.risk import IntensityCurve, drawn, fragility
     from fpk_rocking.risk.motions import motion_lines, motion_table
     from fpk_rocking.risk.picture import curve_table, fragility_table
@@ -232,15 +201,14 @@ def _fragility(options):
     if options.out:
         result.save(options.out / "result.npz")
         (result if draws is None else shown).to_csv(options.out / "fragility.csv")
-        write_json(options.out / "summary.json", values)
         _fragility_figure(options.out / "fragility.png", shown)
     table = result.motion_table if draws is None else motion_table(motions)
     lines = motion_lines(table, result.measure, at_one=True) if options.records else ()
-    _print(options, shown, values, lambda: fragility_table(result) if shown is result else curve_table(shown, lines))
+    _hand_over(options, shown, values, fragility_table(result) if shown is result else curve_table(shown, lines))
 
 
 def _fragility_figure(path, result):
-    """Draw `result` to the file at `path`: a `Fragility`, as curves or as a surface, or an `IntensityCurve`."""
+    """Draw a `Fragility` as curves or as a surface, or an `IntensityCurve`."""
     from fpk_rocking.results.pictures import page
     from fpk_rocking.risk import Fragility
     from fpk_rocking.risk.picture import curves_figure, draw_curve, surface_figure
@@ -255,7 +223,6 @@ def _fragility_figure(path, result):
 
 
 def _risk(options):
-    """Run the command ``risk`` with its parsed `options`: compute, print and save an annual rate of overturning."""
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.risk.study import study
 
@@ -289,7 +256,6 @@ def _risk(options):
 
 
 def _warmup(_):
-    """Run the command ``warmup``."""
     compile_ahead(warmup_tasks())
 
 
@@ -306,7 +272,7 @@ def compile_ahead(tasks):
 
 
 def warmup_tasks():
-    """Return the tasks that compile all kernels, but for blocks of unequal sides: the first call compiles these."""
+    """Tasks that compile all kernels, but for blocks of unequal sides: the first call compiles these."""
     from fpk_rocking.density.filtered import REST
     from fpk_rocking.density.solver import DENSITY, FREE_FLIGHT
     from fpk_rocking.horizon.operator import OPERATOR
@@ -321,7 +287,7 @@ def warmup_tasks():
 
 
 def _solved(options, scene):
-    """Solve a scene with those of the parsed `options` that are the density solver's; return the `Evolution`."""
+    """Return the density of a scene."""
     from fpk_rocking.base import precompilation
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.tables import reporting
@@ -335,11 +301,7 @@ def _solved(options, scene):
 
 
 def _checked(options, density, beside=None):
-    """Return a density, an `Evolution`, with the measured change by the replacement of its noise.
-
-    `options` are the parsed arguments; with `--no-check`, or where no noise was replaced, it comes back as it is. The
-    paths are those of `beside`, an `Ensemble` or `Tally`, if they are enough, else new ones.
-    """
+    """Return a density with the measured change by the replacement of its noise, unless that is not wanted."""
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import tasks
 
@@ -350,10 +312,7 @@ def _checked(options, density, beside=None):
 
 
 def _simulated(options, scene):
-    """Simulate a scene with those of the parsed `options` that are the engines'.
-
-    Return an `Ensemble` or, with --tally, a `Tally`.
-    """
+    """Return an `Ensemble` of a scene or, with --tally, a `Tally`."""
     from fpk_rocking.output.tables import reporting
     from montecarlo import simulate, tally
 
@@ -369,10 +328,7 @@ def _simulated(options, scene):
 
 
 def _loaded(options) -> list:
-    """Return a list of the two saved results, each an `Evolution`, `Ensemble` or `Tally`, that `options.inputs` names.
-
-    `options` are the parsed arguments; ValueError for one that has no effect here.
-    """
+    """Return two saved results; ValueError for an option that has no effect on them."""
     from fpk_rocking.density import Evolution
     from fpk_rocking.results.storage import result_kind
     from montecarlo import Ensemble, Tally
@@ -388,24 +344,26 @@ def _loaded(options) -> list:
     return [kinds[result_kind(path)].load(path) for path in options.inputs]
 
 
-def _print(options, result, values, table, films=()):
-    """Print a `Result` as JSON or as a table, and write its report where the parsed `options` ask for one.
+def _hand_over(options, result, values, table, films=()):
+    """Write summary and report of a result where they are asked for, and print `values` as JSON or a table.
 
-    `values` is what JSON shows, `table` returns the arguments of `tables.show`, and `films` are the `SurvivalResult`
-    whose densities the report shows.
+    `table`: title, table and sentences; `films`: the results whose densities the report shows.
     """
     from fpk_rocking.output import tables
+    from fpk_rocking.results.storage import write_json
 
-    if getattr(options, "report", None):
+    if options.out:
+        write_json(options.out / "summary.json", values)
+    if options.report:
         from fpk_rocking.output.report import write_report
 
         scenes = [film.scene for film in films] or result.scenes
-        size = write_report(options.report, result, values, table()[2], films, scenes)
+        size = write_report(options.report, result, values, table[2], films, scenes)
         sys.stderr.write(f"fpk-rocking {options.command}: {options.report}: {size / 1000:,.0f} kB\n")
     if options.json:
         sys.stdout.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")
     else:
-        tables.show(*table())
+        tables.show(*table)
 
 
 if __name__ == "__main__":

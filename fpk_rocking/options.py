@@ -118,7 +118,7 @@ _REPLACED = {"amplitude": 1.0, "frequency": 1.0}
 
 
 def arguments_by_name():
-    """Return a dict of keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
+    """Keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
     arguments: dict[str, dict[str, Any]] = {}
     types = {"int": int, "float": float, "path": pathlib.Path, "": None}
     marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "": {}}
@@ -135,7 +135,6 @@ class Parser(argparse.ArgumentParser):
     """Refuses bad input in one line, as the rest of the command line does."""
 
     def error(self, message):
-        """Exit with status 2 and a message (text) in one line."""
         self.exit(2, f"{self.prog}: {console.line(message)}\n")
 
 
@@ -143,7 +142,6 @@ class Version(argparse.Action):
     """Prints the version, which is looked up only then."""
 
     def __call__(self, parser, *_):
-        """Print the version, and end the process with status 0, by `parser`, argparse's."""
         from importlib.metadata import version
 
         sys.stdout.write(f"fpk-rocking {version('fpk-rocking')}\n")
@@ -151,10 +149,7 @@ class Version(argparse.Action):
 
 
 def hazard_of(text):
-    """Return the `Hazard` of a `text` K0:K (numbers), or the text itself where it is the name of a file.
-
-    ValueError for anything else.
-    """
+    """Return the hazard of a text K0:K, or the text itself where it is the name of a file."""
     from fpk_rocking.risk.hazard import Hazard
 
     rate, colon, exponent = text.partition(":")
@@ -167,7 +162,7 @@ def hazard_of(text):
 
 
 def distributions(options):
-    """Return the distributions of --uncertain in the parsed `options`, a dict of texts by the names of the values."""
+    """Distributions of --uncertain, texts by the names of the values."""
     laws = {}
     for text in options.uncertain or ():
         name, equals, law = text.partition("=")
@@ -180,10 +175,7 @@ def distributions(options):
 
 
 def numbers(name, text):
-    """Return the list of numbers of a text A,B,C or LOW:HIGH:COUNT; the latter are spaced evenly in their logarithm.
-
-    `name` is that of the option, for the message that refuses the text.
-    """
+    """Numbers of a text A,B,C or LOW:HIGH:COUNT, of which the latter are spaced evenly in their logarithm."""
     parts = text.split(":")
     try:
         if len(parts) == 1:
@@ -198,20 +190,20 @@ def numbers(name, text):
 
 
 def scene_of(options, path):
-    """Return the `Scene` of a file at a path, or of the package, with the changes of --set in the parsed `options`."""
+    """Return the scene of a file, or of the package, with the changes of --set."""
     from fpk_rocking.scene.scene import load_scene
 
     if path.endswith(".npz"):
         raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
     changes = dict(map(_setting, options.set or ()))
-    if getattr(options, "records", None) or getattr(options, "synthetic", None):
+    if options.records or options.synthetic:
         # What the motions replace is not read: neither a file that is missing nor a table that is.
         changes = {"forcing": _REPLACED} | {name: value for name, value in changes.items() if name[:7] != "forcing"}
     return load_scene(path, changes)
 
 
 def _setting(text):
-    """Return (name, value) of a `text` KEY=VALUE, the value as TOML reads it; one that is not TOML is a text."""
+    """Name and value of a text KEY=VALUE, the value as TOML reads it; one that is not TOML is a text."""
     name, equals, value = text.partition("=")
     if not (equals and name.strip()):
         raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
@@ -222,23 +214,17 @@ def _setting(text):
 
 
 def rows_of(options, scene):
-    """Return a dict, keyword arguments of the solvers: "cycles" or "times" of the parsed `options`, or 40 cycles.
-
-    It is empty where none were passed and the scene has no cycles.
-    """
+    """Cycles or times as keyword argument of the solvers; 40 cycles by default where the scene has any."""
     return passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
 
 
 def passed(options, *names):
-    """Return those of some parsed `options` that were passed, their values by name, as a dict."""
+    """Values of those options that were passed, by name."""
     return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
 
 
 def scenes_at_scales(options, scenes):
-    """Return (scenes, scales), lists of `Scene` at scale 1 and of float; with --pga or --pgv scale 1 is intensity 1.
-
-    `options` are the parsed arguments, `scenes` a list.
-    """
+    """Scenes at scale 1, and scales; with --pga or --pgv scale 1 is intensity 1."""
     from fpk_rocking.risk.motions import at_intensity
 
     lists = passed(options, "scales", "pga", "pgv")
@@ -253,7 +239,7 @@ def scenes_at_scales(options, scenes):
 
 
 def shaken_scenes(options):
-    """Return a list of the scenes that the parsed `options` name, or of one scene under each of the records there."""
+    """The scenes that are named, or one scene under each of the records."""
     from fpk_rocking.risk.motions import recorded_scenes
 
     scenes = [scene_of(options, path) for path in options.scenes]

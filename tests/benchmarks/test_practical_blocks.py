@@ -1,15 +1,14 @@
 """The benchmark of practical blocks: the scenes that it draws, and a row whatever the solver does."""
 
 import importlib
-import itertools
 import pathlib
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from fpk_rocking.scene import Block, Harmonic, Scene, WhiteNoise
+from montecarlo import simulate
 
 ROOT = pathlib.Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "benchmarks"))
@@ -35,16 +34,13 @@ def test_scenes_are_those_of_the_definition():
         assert 5.0 <= scene.noise.band[1] * rate <= 10.0
 
 
-def test_scenes_that_hardly_stand_are_drawn_again(monkeypatch):
-    """With a survival that is every other time below a hundredth every other scene is left out."""
-
-    def drawn(count, *survival):
-        answers = itertools.cycle(survival)
-        run = type("", (), {"survival": property(lambda _: np.array([1.0, next(answers)]))})
-        monkeypatch.setattr(benchmark, "simulate", lambda *_, **__: run())
-        return list(benchmark.practical_blocks(3, count))
-
-    assert drawn(3, 0.0099, 0.01) == drawn(6, 1.0)[1::2]
+def test_scenes_that_hardly_stand_are_drawn_again():
+    scenes = list(benchmark.practical_blocks(3, 6, least=0.0))
+    run = {"cycles": benchmark.CYCLES, "realizations": 1000, "method": "exact"}
+    survival = [simulate(scene, **run).survival[-1] for scene in scenes]
+    standing = [scene for scene, share in zip(scenes, survival, strict=True) if share > 0.5]
+    assert 0 < len(standing) < len(scenes)
+    assert list(benchmark.practical_blocks(3, len(standing), least=0.5)) == standing
 
 
 @pytest.fixture
@@ -52,20 +48,14 @@ def scene():
     return Scene.from_block(0.6, 2.0, 2.5, 1.5, noise_rms_acceleration=0.3, noise_band_hz=(0.0, 6.0))
 
 
-def test_a_refusal_is_a_row_with_its_reason(scene, monkeypatch):
-    def refuse(*_, **__):
-        raise RuntimeError("no | answer")
-
-    reference = SimpleNamespace(standing=np.array([60, 30]), paths=60)
-    references = {(scene.white_equivalent(), 60): reference}
-    monkeypatch.setattr(benchmark, "reference_of", lambda *asked: references[asked])
-    monkeypatch.setattr(benchmark, "solve_fpk", refuse)
-    row = benchmark.judged(scene, 1e-2, 60)
-    assert row.survival == 0.5
-    cells = benchmark.cells_of(1, row)
+def test_a_refusal_is_a_row_with_its_reason(scene, tmp_path):
+    row = benchmark.judged(scene, 0.0, 60, tmp_path)
+    assert row.survival == benchmark.reference_of(scene.white_equivalent(), 60, tmp_path).standing[-1] / 60
     assert not row.answered
-    assert cells[-1] == "RuntimeError: no ¦ answer"
+    cells = benchmark.cells_of(1, row)
+    assert cells[-1].startswith("ValueError: tol: got 0.0")
     assert len(cells) == len(benchmark.COLUMNS)
+    assert benchmark.cells_of(1, row._replace(remark="no | answer"))[-1] == "no ¦ answer"
     assert "answered: 0 of 1" in benchmark.summary([row], 1e-2)
 
 
@@ -91,14 +81,14 @@ def test_binning_seconds_give_the_distance(scene):
     assert not row.is_cheapest(row.binning_seconds, 0.01)
 
 
-def test_references_are_kept_and_are_of_their_scene(monkeypatch, tmp_path):
-    monkeypatch.setattr(benchmark, "KEPT", tmp_path)
+def test_references_are_kept_and_are_of_their_scene(tmp_path):
     scene = Scene(Block(0.5), Harmonic(4.6, 2.7), WhiteNoise(0.006))
-    sampled = benchmark.reference_of(scene, 300)
+    sampled = benchmark.reference_of(scene, 300, tmp_path)
     assert (sampled.counts.sum(axis=(1, 2)) == sampled.standing[list(benchmark.BINNED)]).all()
-    monkeypatch.setattr(benchmark, "tally", None)
-    again = benchmark.reference_of(scene, 300)
+    again = benchmark.reference_of(scene, 300, tmp_path)
     for name, value in sampled._asdict().items():
         assert np.array_equal(value, getattr(again, name))
-    with pytest.raises(TypeError):
-        benchmark.reference_of(scene, 301)
+    (file,) = tmp_path.iterdir()
+    np.savez(file, **sampled._replace(standing=np.full(11, 7))._asdict())
+    assert (benchmark.reference_of(scene, 300, tmp_path).standing == 7).all()
+    assert (benchmark.reference_of(scene, 301, tmp_path).standing != 7).any()

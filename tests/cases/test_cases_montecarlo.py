@@ -5,7 +5,6 @@ Seeds are fixed. Where a probability is held against a known value the bound is 
 """
 
 import dataclasses
-import functools
 import json
 import math
 
@@ -322,12 +321,10 @@ def test_in_the_long_run_a_turned_second_harmonic_exchanges_the_sides(case, turn
 
 
 @pytest.mark.slow
-def test_densities_under_a_second_harmonic_agree_with_samples(case, tmp_path, monkeypatch):
+def test_densities_under_a_second_harmonic_agree_with_samples(case, tmp_path):
     """Coarse densities of five cycles beside 2000 realizations and survival at tol 1e-3; rates beside theirs."""
     module = case("second_harmonic")
-    monkeypatch.setattr(module, "CYCLES", 5)
-    monkeypatch.setattr(module, "solve_fpk", functools.cache(solve_fpk))
-    values = module.run(tmp_path, amplitudes=(1.0,), parts=2, realizations=2000, tol=5e-2)
+    values = module.run(tmp_path, amplitudes=(1.0,), parts=2, cycles=5, realizations=2000, tol=5e-2)
     for run in (*values["phases"], values["from_rest"]):
         survival, sides = np.array(run["survival"]), np.array(run["overturned"])
         assert survival + sides.sum(axis=1) == pytest.approx(np.ones(survival.size), abs=1e-6)

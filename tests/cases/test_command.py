@@ -10,24 +10,23 @@ from gallery import PICTURES
 CASES = pathlib.Path(__file__).parents[2] / "cases"
 
 
-def test_options_reach_the_case(monkeypatch, capsys):
+def test_options_reach_the_case(capsys):
     asked, reported = {}, []
 
     def run(out, realizations=5, tol=0.5, seed=1):
         asked.update(out=out, realizations=realizations, tol=tol, seed=seed)
         return "values"
 
-    monkeypatch.setattr("sys.argv", ["case", "--out", "folder", "--realizations", "7", "--seed", "3"])
-    command(run, "results", "one.png", "two.json", report=reported.append, realizations="n", tol="t", seed="s")
+    words = ["--out", "folder", "--realizations", "7", "--seed", "3"]
+    helps = {"realizations": "n", "tol": "t", "seed": "s"}
+    command(run, "results", "one.png", "two.json", report=reported.append, arguments=words, **helps)
     assert asked == {"out": pathlib.Path("folder"), "realizations": 7, "tol": 0.5, "seed": 3}
     assert reported == ["values"]
     assert capsys.readouterr().out == "Files in folder: one.png, two.json\n"
-    monkeypatch.setattr("sys.argv", ["case"])
-    command(run, "results", "one.png")
+    command(run, "results", "one.png", arguments=[])
     assert asked == {"out": pathlib.Path("results"), "realizations": 5, "tol": 0.5, "seed": 1}
-    monkeypatch.setattr("sys.argv", ["case", "--tol", "few"])
     with pytest.raises(SystemExit):
-        command(run, "results", "one.png", tol="t")
+        command(run, "results", "one.png", arguments=["--tol", "few"], tol="t")
 
 
 @pytest.mark.parametrize("name", PICTURES)

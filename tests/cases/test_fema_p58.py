@@ -8,12 +8,11 @@ import pytest
 
 
 @pytest.mark.slow
-def test_medians_rise_with_the_size(case, tmp_path, monkeypatch):
+def test_medians_rise_with_the_size(case, tmp_path):
     module = case("fema_p58")
-    monkeypatch.setattr(module, "SLENDER", (3.0,))
-    monkeypatch.setattr(module, "SCALES", tuple(np.geomspace(0.7, 7.0, 10).tolist()))
-    values = module.run(tmp_path, motions=5, radii=(0.4, 4.0), published=module.PUBLISHED[:1])
-    (same, small, large), published = values["blocks"], values["published"]
+    coarse = {"motions": 5, "radii": (0.4, 4.0), "scales": np.geomspace(0.7, 7.0, 10)}
+    values = module.run(tmp_path, **coarse, published=module.PUBLISHED[:1])
+    (same, small, large, *_), published = values["blocks"], values["published"]
     assert published == [0.724]
     assert (same["width"], same["height"]) == pytest.approx((0.3207, 0.7366), abs=1e-4)
     assert module.seconds_of(same, 0.724) == pytest.approx(0.1696, abs=1e-4)

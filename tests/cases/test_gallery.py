@@ -44,9 +44,8 @@ def test_gallery_holds_these_pictures_and_the_documents_show_no_others():
 
 
 @pytest.mark.parametrize(("largest", "width"), [(gallery.LARGEST, gallery.WIDTHS[0]), (1000, gallery.WIDTHS[-1])])
-def test_reduced_pictures_keep_their_lines_and_titles(tmp_path, monkeypatch, largest, width):
+def test_reduced_pictures_keep_their_lines_and_titles(tmp_path, largest, width):
     """A thin line keeps its colour beside a field of many; what palettes cannot make small enough loses pixels."""
-    monkeypatch.setattr(gallery, "LARGEST", largest)
     pixels = np.empty((900, 1500, 3), dtype=np.uint8)
     pixels[:] = np.linspace(90, 255, 1500)[None, :, None]
     line = tuple(int(pictures.COLOURS[1][place : place + 2], 16) for place in (1, 3, 5))
@@ -54,7 +53,7 @@ def test_reduced_pictures_keep_their_lines_and_titles(tmp_path, monkeypatch, lar
     about = PngImagePlugin.PngInfo()
     about.add_itxt("Title", "σ falls")
     Image.fromarray(pixels).save(tmp_path / "large.png", pnginfo=about)
-    gallery.reduce(tmp_path / "large.png", tmp_path / "small.png")
+    gallery.reduce(tmp_path / "large.png", tmp_path / "small.png", largest)
     with Image.open(tmp_path / "small.png") as image:
         assert (image.mode, image.width, gallery.title_of(image)) == ("P", width, "σ falls")
         pixels = np.asarray(image.convert("RGB")).astype(int)[round(402.5 / 900 * image.height)]
@@ -69,14 +68,14 @@ def test_cases_are_run_into_folders_of_their_own(tmp_path, monkeypatch):
     source += '    (out / \'a.json\').write_text(\'{"one": [1.5,\\n2], "two": ["red", "σ"]}\', encoding=\'utf-8\')\n'
     (tmp_path / "made.py").write_text(f"from PIL import Image\n\n\n{source}")
     monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setattr(gallery, "PICTURES", {"made": {"a.png": "b.png"}})
-    seconds = gallery.run(tmp_path / "pictures", tmp_path / "results", ["made"])
+    cases = {"made": {"a.png": "b.png"}}
+    seconds = gallery.run(tmp_path / "pictures", tmp_path / "results", cases)
     assert list(seconds) == ["made"]
     assert {path.name for path in (tmp_path / "pictures").iterdir()} == {"b.png", "b.json"}
     numbers = (tmp_path / "pictures" / "b.json").read_text(encoding="utf-8")
     assert numbers == '{\n"one": [1.5, 2],\n"two": ["red", "σ"]\n}\n'
     assert (tmp_path / "results" / "made" / "a.png").exists()
-    gallery.run(tmp_path / "pictures", tmp_path / "results", ["made"], redraw=True)
+    gallery.run(tmp_path / "pictures", tmp_path / "results", cases, redraw=True)
     with Image.open(tmp_path / "pictures" / "b.png") as drawn:
         assert drawn.convert("RGB").getpixel((4, 4)) == (255, 0, 0)
     assert (tmp_path / "pictures" / "b.json").read_text(encoding="utf-8") == numbers

@@ -9,7 +9,6 @@ import json
 import pathlib
 import subprocess
 import sys
-import warnings
 
 import fakes
 import fuzz
@@ -100,18 +99,6 @@ def test_what_an_engine_cannot_do_is_one_line_too(monkeypatch, problem):
     status, out, err = run("fpk", "scene.toml")
     assert (status, out) == (2, "")
     assert err == f"fpk-rocking fpk: {str(problem) or 'MemoryError'}\n"
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_warning_is_one_line(monkeypatch):
-    def solve(scene, **asked):
-        warnings.warn("not within\nthe tolerance", RuntimeWarning, stacklevel=2)
-        return solve_fpk(scene, **asked)
-
-    monkeypatch.setattr(fpk_rocking.density, "solve_fpk", solve)
-    status, _, err = run("fpk", "scene.toml", "--cycles", 1)
-    assert status == 0
-    assert err == "fpk-rocking fpk: warning: not within the tolerance\n"
 
 
 @pytest.mark.parametrize("text", ["width", "=normal:1:0.1"])
