@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base import checks, precompilation
+from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, Progress
 from fpk_rocking.base.precompilation import Task
 from fpk_rocking.density.evolution import Evolution
