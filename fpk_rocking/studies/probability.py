@@ -495,8 +495,9 @@ def soonest(paths: Paths, wanted: WantedError, limit_s: float) -> Found:
 
     After an interruption from the keyboard: what the paths until then say.
     """
+    predicted: dict[str, list[float]] = {}
     try:
-        path_s, predicted = paths.pilot(), {}
+        path_s = paths.pilot()
         while not paths.reach(wanted):
             outlook = Outlook(wanted, limit_s, path_s, paths.overturned, paths.paths)
             if outlook.too_few:
