@@ -133,7 +133,7 @@ class Probability(RowResult):
     @property
     def wanted(self) -> float:
         """The error that was asked for: `tol`, or `rtol` times the probability where that is larger."""
-        return max(self.tol, self.rtol * self.overturned)
+        return WantedError(self.tol, self.rtol).of(self.overturned)
 
     @property
     def reason_if_ok(self) -> str:
@@ -153,18 +153,16 @@ class Probability(RowResult):
         if self.error <= self.wanted:
             return [*diagnostics, Diagnostic(0, f"{text}, within {self.wanted:.2g}.", "error", self.error)]
         useless = self.error > max(USELESS, self.tol) if self.tol else self.error > 0.5 * self.overturned
-        return [
-            *diagnostics,
-            Diagnostic(UNUSABLE if useless else CAUTION, f"{text}, above {self.wanted:.2g}.", "error", self.error),
-        ]
+        severity = UNUSABLE if useless else CAUTION
+        return [*diagnostics, Diagnostic(severity, f"{text}, above {self.wanted:.2g}.", "error", self.error)]
 
     @property
     def title(self) -> str:
         """P(overturned) with its error and the method, as a line of text."""
-        when, label = self.when(len(self.times) - 1), "one path" if self.method == "one path" else self.label
+        when = self.when(len(self.times) - 1)
         if self.method == "one path":
             return f"P(overturned) = {self.overturned:.0f} (one path), {when}"
-        return f"P(overturned) = {_with_error(self.overturned, self.error)} (95 %), {when}; {label}"
+        return f"P(overturned) = {_with_error(self.overturned, self.error)} (95 %), {when}; {self.label}"
 
     @property
     def label(self) -> str:
@@ -190,15 +188,14 @@ class Probability(RowResult):
         return {"overturned": self.overturned, "error": self.error, "verdict": self.verdict} | super().summary()
 
     def plot(self) -> Any:
-        """Draw the probability of having overturned, and that to the left, with errors; return a matplotlib figure."""
+        """Draw the probability of having overturned, and that to the left, with errors."""
         from matplotlib.ticker import MaxNLocator
 
         from fpk_rocking.results.pictures import COLOURS, figure_of
 
         def panel(_, axes):
-            shown = (1.0 - self.survival, 0, "either side"), (self.left, 1, "to the left")
-            for (values, column, label), colour in zip(shown, COLOURS, strict=False):
-                error = self.errors[:, column]
+            curves = (1.0 - self.survival, "either side"), (self.left, "to the left")
+            for (values, label), error, colour in zip(curves, self.errors.T[:2], COLOURS[:2], strict=True):
                 axes.fill_between(self.row_values, values - error, values + error, color=colour, alpha=0.3, linewidth=0)
                 axes.plot(self.row_values, values, color=colour, marker=".", label=label)
             axes.set(xlabel=self.row_label, ylabel="P(overturned)", ylim=(0.0, None))
