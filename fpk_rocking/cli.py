@@ -32,7 +32,7 @@ from fpk_rocking.options import (
 
 def main(arguments=None) -> int:
     """Run the command line; return the exit status. The arguments are by default those of the process."""
-    options, begun = _parser().parse_args(arguments), time.time()
+    options, begun = command_line().parse_args(arguments), time.time()
     options.typed = shlex.join(["fpk-rocking", *(sys.argv[1:] if arguments is None else map(str, arguments))])
     try:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
@@ -58,7 +58,7 @@ def main(arguments=None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
+def command_line() -> argparse.ArgumentParser:
     """Parser of the command line, with one for each command."""
     layout = argparse.RawDescriptionHelpFormatter
     parser = Parser("fpk-rocking", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=layout)

@@ -67,7 +67,7 @@ def run(tmp_path):
 
 def test_no_option_is_left_out():
     """A new one belongs into a test below."""
-    commands = next(action for action in cli._parser()._actions if action.dest == "command").choices
+    commands = next(action for action in cli.command_line()._actions if action.dest == "command").choices
     names = {action.dest for parser in commands.values() for action in parser._actions if action.option_strings}
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_CURVES)}
     tried |= {"tol", "bins_tol"}

@@ -14,7 +14,6 @@ from study_tasks import AMPLITUDES, GRID, SCENE
 
 from fpk_rocking.base import precompilation
 from fpk_rocking.envelopes import Trapezoid
-from fpk_rocking.output import tables as progress_lines
 from fpk_rocking.scene import BandNoise, FilteredNoise, WhiteNoise
 from fpk_rocking.studies import grid, sweep
 from fpk_rocking.studies.execution import seed_of
@@ -365,13 +364,3 @@ def test_sweeps_that_begin_one_store_at_once(tmp_path):
     assert all(code == 0 or "ValueError: store: got " in said for said, code in ended)
     cells = [json.loads(row)["cell"] for row in store.read_text().splitlines()[1:]]
     assert sorted(cells) == list(range(5))
-
-
-def test_progress_tells_what_is_left(monkeypatch, capsys):
-    clock = iter([0.0, 0.0, 20.0, 40.0])
-    monkeypatch.setattr(progress_lines.time, "monotonic", lambda: next(clock))
-    with progress_lines.reporting("sweep") as report:
-        report(5, 10)
-        report(6, 10)
-        report(10, 10)
-    assert capsys.readouterr().err == "sweep: 60 % after 20 s, about 80 s left\n"
