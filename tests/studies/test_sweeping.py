@@ -97,7 +97,11 @@ def test_kernels_are_those_of_the_engines_that_will_run():
     faded = SCENE.varied(noise=BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)))
 
     def kernels(task, *scenes, **options):
-        return [name.partition(":")[2] for name in kernels_of(TASKS[task], scenes, options)]
+        names = (
+            found.name.replace("compile_engine:", "").split(":")[1]
+            for found in kernels_of(TASKS[task], scenes, options)
+        )
+        return sorted(name.removeprefix("compile_") for name in names)
 
     assert kernels("mc", SCENE, white, filtered) == ["exact", "filtered", "white"]
     assert kernels("mc", faded) == ["enveloped"]
