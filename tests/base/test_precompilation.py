@@ -179,9 +179,9 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     compiled = done.stderr.rpartition("compiled ")[2]
     assert "scatter" in compiled
     for name in (
-        "first_angle_shear",
-        "velocity_shear",
-        "last_angle_shear",
+        "shear_coefficients",
+        "shear_velocity",
+        "shear_values",
         "fill_blocks",
         "blocks_to_point_values",
         "target_range",

@@ -13,7 +13,7 @@ from skfem.element import ElementQuad0
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.space import Space, graded_lines, legendre_element, patch_lines, velocity_bound
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.targets import locate_point
+from fpk_rocking.density.step.scatter import locate_point
 from fpk_rocking.scene import Block, Harmonic, Overturning, Scene, Start, WhiteNoise
 
 ANGLE_LINES = np.array([-1.2, -0.7, -0.3, 0.0, 0.4, 1.3])

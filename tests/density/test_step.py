@@ -14,13 +14,13 @@ from scipy.sparse.linalg import spsolve
 from skfem import BilinearForm
 from traced import path_ends
 
-from fpk_rocking.base.basis import gauss_hermite_product
+from fpk_rocking.base.basis import gauss_hermite_product, gauss_legendre
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.characteristics import Noise
 from fpk_rocking.density.step.dynamics import Dynamics, event_cells
 from fpk_rocking.density.step.free_flight import FreeFlight
-from fpk_rocking.density.step.remap import places_of_ends
+from fpk_rocking.density.step.remap import prepare_remap, remap_row, with_end_cells
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, overlapping_cells, with_neighbours
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.motion.equation import KernelBlock
@@ -256,12 +256,26 @@ def test_noise_is_carried_through_an_impact(point, side):
     assert gathered == pytest.approx(covariance, rel=1e-5, abs=0.0)
 
 
-def test_ends_that_something_passes_are_numbered_row_by_row():
+def test_a_remap_conserves_mass_and_its_transpose_is_its_adjoint():
     """Rows of sources that pass both ends, none, that hold nothing, that pass the lower end, and the upper one."""
-    lines, source = np.arange(6.0), np.array([[0, 5], [1, 4], [3, 3], [0, 4], [1, 5]])
-    bounds, still, spread = np.tile([0, 5], (5, 1)), np.zeros((5, 2)), np.ones((5, 2))
-    places = places_of_ends(lines, bounds, still, spread, np.array([-0.1, 0.1]), source)
-    assert places.tolist() == [[0, 1], [-1, -1], [-1, -1], [2, -1], [-1, 3]]
+    lines = with_end_cells(np.array([0.0, 0.9, 2.0, 3.1, 4.0, 5.0]))
+    source = np.array([[1, 6], [2, 5], [4, 4], [1, 5], [2, 6]])
+    bounds, spread = np.tile([0, 7], (5, 1)), np.ones((5, 1))
+    bounds[3, 0], rng = 1, np.random.default_rng(3)
+    shifts = np.array([0.1, 0.0, 0.3, -0.05, 0.25])[:, None]
+    nodes, weights = np.array([-0.2, 0.2]), np.array([0.4, 0.6])
+    remap = prepare_remap(lines, bounds, shifts, spread, nodes, weights, 2, source)
+    assert remap.targets.tolist() == [[0, 7], [1, 6], [0, 0], [1, 6], [2, 7]]
+    sizes, (_, points) = np.diff(lines)[:, None, None], gauss_legendre(3)
+    back = remap.transposed()
+    for r, (start, end) in enumerate(source):
+        before, moved, function, gathered = np.zeros((4, 7, 3, 3))
+        before[start:end] = rng.normal(size=(end - start, 3, 3))
+        function[slice(*remap.targets[r])] = rng.normal(size=(np.diff(remap.targets[r]).item(), 3, 3))
+        remap_row(r, before, source[r], remap.targets[r], remap, moved, (1.0,) * 3)
+        remap_row(r, function, back.sources[r], back.targets[r], back, gathered, (1.0,) * 3)
+        assert (moved * sizes * points).sum(axis=(0, 2)) == pytest.approx((before * sizes * points).sum(axis=(0, 2)))
+        assert (before * gathered).sum() == pytest.approx((moved * function).sum(), abs=1e-13)
 
 
 def test_cells_that_meet_a_marked_one_are_marked():

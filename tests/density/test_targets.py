@@ -6,7 +6,7 @@ import pytest
 from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step import Exit
-from fpk_rocking.density.step.targets import Targets, gather_cell, scatter_cell
+from fpk_rocking.density.step.scatter import Targets, gather_cell, scatter_cell
 
 TARGET = Space(np.array([-1.0, -0.4, 0.0, 0.3, 1.0]), np.array([-1.0, -0.2, 0.5, 1.0]), 3)
 POINTS, NODES = (3, 4), np.array([0.2, 0.5, 0.3])

@@ -55,18 +55,18 @@ from fpk_rocking.physics.motion.impact import covariance_through_impact, displac
 
 
 class Noise(NamedTuple):
-    """The noise of a step: its duration and diffusion, and the Gauss-Hermite nodes that represent it."""
+    """The noise of a step, and the Gauss-Hermite nodes that represent it; nondimensional."""
 
     duration: float
     diffusion: float
-    nodes: np.ndarray
-    offsets: np.ndarray
-    margin: float
+    nodes: np.ndarray  # (n, 2), along the long and the short axis, in standard deviations
+    offsets: np.ndarray  # (n, 2), the same as offsets in angle and velocity of an undisturbed flight
+    margin: float  # largest offset in angle
 
 
 @kernel
 def principal_axes(xx, xv, vv):
-    """Return (long x, long v, short x, short v): the principal axes of a covariance of angle and velocity."""
+    """Return (long x, long v, short x, short v), principal axes of a covariance, a standard deviation long."""
     mean, difference = 0.5 * (xx + vv), 0.5 * (xx - vv)
     radius = math.hypot(difference, xv)
     long = mean + radius
@@ -79,46 +79,39 @@ def principal_axes(xx, xv, vv):
 
 @kernel
 def add_path_correction(particular, duration, dx, dv, out):
-    """Write to `out` (TERMS,) the coefficients of P plus the cubic of time from rest to (dx, dv)."""
+    """Write the coefficients (TERMS,) of P, `particular`, plus the cubic from rest to (dx, dv) in a duration."""
     for k in range(TERMS):
         out[k] = particular[k]
     out[2] += (3.0 * dx - duration * dv) / (duration * duration)
     out[3] += (duration * dv - 2.0 * dx) / (duration * duration * duration)
 
 
-@kernel(inline="always")
-def _advance_slender(x, v, side, segment, end, slow, block):
-    """Return (x, v, side, time) of the end of a path of a slender block, through impacts and rest."""
-    return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
-
-
 @kernel
-def _advance_exact_block(x, v, side, segment, end, slow, block):
-    """Return (x, v, side, time) of the end of a path of an exact block, through impacts and rest."""
-    low, high = segment.force_low, segment.force_high
-    # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
-    rise = block.cutoff + max(high, -low)
-    most = side * (x + end * v) + 0.5 * rise * end * end
-    if most >= block.cutoff:
-        _, most = folded_angle_bounds(side * x, side * v, side, low, high, end, block)
-    if side != 0 and most < block.cutoff:
-        return advance_collocated(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
+def _advance(x, v, side, segment, end, slow, block, critical_angle):
+    """Return (x, v, side, time) at the `end` of a forcing, or where the path overturns, through impacts and rest.
+
+    It begins at (x, v) on a side (±1, 0 at rest) at t = 0; chatter of a time up to `slow` is summed. An exact block
+    is followed by collocation where it cannot overturn.
+    """
+    if critical_angle is not None:  # numba leaves the branch out for an argument of type None
+        low, high = segment.force_low, segment.force_high
+        # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
+        rise = block.cutoff + max(high, -low)
+        most = side * (x + end * v) + 0.5 * rise * end * end
+        if most >= block.cutoff:
+            _, most = folded_angle_bounds(side * x, side * v, side, low, high, end, block)
+        if side != 0 and most < block.cutoff:
+            return advance_collocated(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
     return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
-
-
-@kernel(inline="always")
-def _advance_exact(x, v, side, segment, end, slow, block):
-    """Return (x, v, side, time) of the end of a path, by `_advance_exact_block`, which is too long to be inlined."""
-    return _advance_exact_block(x, v, side, segment, end, slow, block)
-
-
-_advance = dispatch_on_block(_advance_slender, _advance_exact)
-"""Angle, velocity, side and time at the `end` of a forcing, or where the path overturns, through impacts and rest."""
 
 
 @kernel
 def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the characteristics of one point, one for each node of the noise of a step."""
+    """Write the ends of the characteristics of a point (x, v) on a side to `ends` (n, 2), for n nodes of the noise.
+
+    `flags` (n,) receive the side at the end, or the `Exit` of a path that overturned, or that rests without noise;
+    `scratch` (4, TERMS) is overwritten.
+    """
     duration, nodes, offsets, cutoff = noise.duration, noise.nodes, noise.offsets, block.cutoff
     low, high = segment.force_low, segment.force_high
     kind, time, end, speed = next_event(x, v, side, segment, 0.0, duration, block)
@@ -150,9 +143,12 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
     _near_contact(x, v, (end, time, side), segment, noise, scratch, ends, flags, block)
 
 
-@kernel
+@kernel(inline="always")
 def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Write the ends of the nodes of a point (x, v) of a block of equal sides, next to x = 0 or the cut-off."""
+    """Write the ends of the nodes of a point (x, v) of a block of equal sides next to x = 0 or the cut-off.
+
+    `undisturbed` is (angle, time, side): angle and time of the end of the path without noise, and its side before.
+    """
     end, time, side = undisturbed
     duration, offsets = noise.duration, noise.offsets
     unit, near, particular = _contact_equivalent(x, end, time, side, segment, duration, scratch[2], block)
@@ -168,42 +164,31 @@ def _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, end
         ends[n, 1] *= unit
 
 
-@kernel
+@kernel(inline="always")
 def _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Write the ends of the nodes of a point (x, v) of a block of unequal sides to `ends` (n, 2) and `flags` (n,)."""
-    side, duration = undisturbed[2], noise.duration
-    for n in range(len(noise.offsets)):
-        add_path_correction(segment.particular, duration, noise.offsets[n, 0], noise.offsets[n, 1], scratch[0])
+    """Write the same ends for a block of unequal sides."""
+    # No slender block has two units: each node is a path of the block itself with the noise in its forcing.
+    side, duration, offsets = undisturbed[2], noise.duration, noise.offsets
+    for n in range(len(offsets)):
+        add_path_correction(segment.particular, duration, offsets[n, 0], offsets[n, 1], scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], duration))
-        xn, vn, sn, _ = _advance(x, v, side, path, duration, CHATTER_TIME, block)
+        xn, vn, sn, _ = _advance(x, v, side, path, duration, CHATTER_TIME, block, block.critical_angle)
         write_end(n, xn, vn, sn, side, block.cutoff, ends, flags)
 
 
-@kernel(inline="always")
-def _call_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Call `_near_contact_of_equal_sides`, which is too long to be inlined itself; it writes `ends` and `flags`."""
-    _near_contact_of_equal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block)
+_near_contact = dispatch_on_sides(_near_contact_of_equal_sides, _near_contact_of_unequal_sides)
+"""Write the ends of the nodes of a point next to x = 0 or the cut-off."""
 
 
 @kernel(inline="always")
-def _call_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block):
-    """Call `_near_contact_of_unequal_sides`, which is too long to be inlined itself; it writes `ends` and `flags`."""
-    _near_contact_of_unequal_sides(x, v, undisturbed, segment, noise, scratch, ends, flags, block)
-
-
-_near_contact = dispatch_on_sides(_call_equal_sides, _call_unequal_sides)
-"""Write the ends of the nodes of a point next to x = 0 or the cut-off; see `trace_point`."""
-
-
-@kernel(inline="always")
-def _contact_equivalent_slender(x, end, time, side, segment, duration, out, block):  # noqa: ARG001
-    """(unit, block, particular) of a slender block: 1.0, `block` itself, and the coefficients (TERMS,) of its P."""
+def _contact_equivalent_slender(_x, _end, _time, _side, segment, _duration, _out, block):
+    """Return (unit, block, particular) of a slender block: itself."""
     return 1.0, block, segment.particular
 
 
 @kernel(inline="always")
 def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block):
-    """Return (unit, block, particular): a slender block, a `KernelBlock`, that moves as an exact one next to x = 0."""
+    """Return (unit, block, particular) of a slender block that moves as an exact one, see below; P goes to `out`."""
     alpha = block.critical_angle
     unit, level = math.sin(alpha) / alpha, lift_off_level(side, block)
     first = _excess_acceleration(x, side, segment.force[0], unit, block)
@@ -234,13 +219,19 @@ def _excess_acceleration(x, side, force, unit, block):
 
 @kernel
 def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
-    """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the begin and at the end."""
+    """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, first and last.
+
+    A kick is a node times `half`, sqrt(D duration), and the flight between is without noise. The last kick sets a block
+    off from rest unless it `rests`. Nodes of the same first kick follow each other.
+    """
     nodes, duration = noise.nodes, noise.duration
     xn, vn, sn, part = x, v, side, force_factor(side * x, side, block)
     for n in range(len(nodes)):
         if n == 0 or nodes[n, 0] != nodes[n - 1, 0]:
             first = half * nodes[n, 0] * part
-            xn, vn, sn, _ = _advance(x, v + first, side, segment, duration, TUNING.chatter * duration, block)
+            xn, vn, sn, _ = _advance(
+                x, v + first, side, segment, duration, TUNING.chatter * duration, block, block.critical_angle
+            )
         vl, sl = vn, sn
         if abs(xn) < block.cutoff:
             kicked = sn if sn != 0 else (1 if nodes[n, 1] > 0.0 else -1)
@@ -252,13 +243,13 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
 
 @kernel
 def _overturned(side):
-    """Return the `Exit`, -2 or -3, of a path that overturns to a side, -1 or 1."""
+    """Return the `Exit` of a path that overturns to a side."""
     return Exit.OVERTURNED_LEFT if side < 0 else Exit.OVERTURNED_RIGHT
 
 
 @kernel
 def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
-    """Write row n of `ends` (nodes, 2), angle and velocity at a path's end, and of `flags` (nodes,), side or `Exit`."""
+    """Write row n of `ends` (nodes, 2) and of `flags` (nodes,), side or `Exit`; `if_rest` is that of side 0."""
     ends[n, 0], ends[n, 1] = x, v
     flags[n] = if_rest if side == 0 else side
     if abs(x) >= cutoff:
@@ -267,7 +258,11 @@ def write_end(n, x, v, side, if_rest, cutoff, ends, flags):
 
 @kernel
 def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends, flags):
-    """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact."""
+    """Write the ends of the nodes of a point (x, v) whose path without noise meets a fast impact.
+
+    `undisturbed` is (time, velocity, side, smooth): those of the impact, before it, and whether it is so fast that what
+    noise changes is smooth: then one expansion serves all nodes that arrive within the step.
+    """
     time, speed, side, smooth = undisturbed
     duration, cutoff = noise.duration, block.cutoff
     late, rest = scratch[2], duration - time
@@ -299,9 +294,9 @@ def _through_fast_impact(x, v, undisturbed, segment, block, noise, scratch, ends
                 continue
         add_path_correction(segment.particular, time, early_x / before, early_v / before, scratch[0])
         path = borrowed(segment_from_particular(scratch[0], scratch[1], time))
-        xn, vn, sn, end = _advance(x, v, side, path, time, CHATTER_TIME, block)
+        xn, vn, sn, end = _advance(x, v, side, path, time, CHATTER_TIME, block, block.critical_angle)
         if end == time:
             add_path_correction(late, rest, late_x / after, late_v / after, scratch[3])
             path = borrowed(segment_from_particular(scratch[3], scratch[1], rest))
-            xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, CHATTER_TIME, block)
+            xn, vn, sn, _ = _advance(xn, vn, sn, path, rest, CHATTER_TIME, block, block.critical_angle)
         write_end(n, xn, vn, sn, side, cutoff, ends, flags)

@@ -33,14 +33,18 @@ from fpk_rocking.physics.noise.envelope import Envelope
 
 @dataclasses.dataclass(frozen=True)
 class Excess:
-    """What the acceleration of an exact block has beyond that of the affine flights of a step; nondimensional."""
+    """What the acceleration of an exact block has beyond that of the affine flights of a step.
+
+    The affine flight is x'' = x + κ (-s sin φ₀/α + f cos φ₀), so that the excess c(x, t) is 0 at zero angle:
+    c = κ [-s (sin φ - sin φ₀)/α + f (cos φ - cos φ₀)] - x, with φ = α (m - s x) and φ₀ = α m. Of equal sides m = κ = 1.
+    """
 
     block: KernelBlock
-    force: float
-    shifts: np.ndarray  # (3,)
+    force: float  # f half way through the step
+    shifts: np.ndarray  # (3,) by side: what affine flights from (0, 0) have added to the angle half way
 
     def __call__(self, angles, sides):
-        """Return the excess acceleration c (n, ...) half way through the step, at `angles` (n, ...), nondimensional."""
+        """Return the excess c half way through the step at some angles on `sides`, ±1, arrays of one shape."""
         alpha, saddles = self.block.critical_angle, self.block.saddles
         sine, cosine = (_of_sides(sides, [part(alpha * m) for m in saddles]) for part in (math.sin, math.cos))
         phi = tilt_angle(angles, alpha, _of_sides(sides, saddles))
@@ -48,19 +52,23 @@ class Excess:
         return _of_sides(sides, self.block.scales) * (turning - sides * (np.sin(phi) - sine) / alpha) - angles
 
     def force_factors(self, angles, sides):
-        """Return the factors κ cos φ (n, ...) of force and noise in the acceleration, at `angles` (n, ...)."""
+        """Return the factors κ cos φ of force and noise in the acceleration at some angles on `sides`, ±1."""
         saddles, scales = (_of_sides(sides, pair) for pair in (self.block.saddles, self.block.scales))
         return force_factors(angles, self.block.critical_angle, saddles, scales)
 
 
 def _of_sides(sides, pair):
-    """Return the numbers (n, ...) of `sides`, +1 or -1, (n, ...) from a `pair`, (left, right)."""
+    """Return the numbers of `sides`, ±1, from a `pair`, (left, right)."""
     return np.where(sides > 0.0, pair[1], pair[0])
 
 
 @dataclasses.dataclass(frozen=True)
 class Dynamics:
-    """Forcing, white noise and block of a scene, as the steps of the density take them; nondimensional."""
+    """Forcing, white noise and block of a scene, as the steps of the density take them; nondimensional.
+
+    With an envelope g the diffusion is D g², in a step at least D times `least_intensity`. `origin` is the time of the
+    forcing and of g at which times here are 0.
+    """
 
     forcing: Forcing
     diffusion: float
@@ -71,11 +79,11 @@ class Dynamics:
 
     @classmethod
     def of(cls, scene):
-        """Return the `Dynamics` of a `Scene` with white noise: its forcing, D, block and envelope."""
+        """Return the dynamics of a `Scene` with white noise."""
         return cls(scene.forcing, scene.noise.diffusion, block_of_scene(scene), scene.noise.envelope)
 
     def later(self, time):
-        """Return the `Dynamics` whose times count from a `time` on, nondimensional."""
+        """Return the dynamics whose times count from a `time` on."""
         return dataclasses.replace(self, origin=self.origin + time)
 
     def force(self, time):
@@ -83,7 +91,7 @@ class Dynamics:
         return self.forcing.value(time + self.origin)
 
     def averaged_over(self, start, duration):
-        """Return the `Dynamics` with a constant diffusion, over a step from `start` of a `duration`."""
+        """Return the dynamics with a constant diffusion: its mean over a step from `start` of a `duration`."""
         if self.envelope is None:
             return self
         begin, end = self.envelope.squared_integral(np.array([start, start + duration]) + self.origin)
@@ -91,7 +99,7 @@ class Dynamics:
         return dataclasses.replace(self, diffusion=self.diffusion * mean, envelope=None)
 
     def covariance(self, start, duration):
-        """Return (xx, xv, vv), the covariance of angle and velocity that noise adds to a slender flight over a step."""
+        """Return (xx, xv, vv), what noise adds to a slender flight without impact over a step."""
         if self.envelope is None:
             return flight_covariance(self.diffusion, duration)
         points, weights = gauss_legendre(16)
@@ -101,18 +109,21 @@ class Dynamics:
         return tuple(float(part) for part in accumulated_covariance(weights, late))
 
     def segment(self, start, duration):
-        """Return the forcing over a step from `start` of a `duration`, the named tuple `Segment` that kernels take."""
+        """Return the `Segment`, the forcing over a step."""
         particular = self.forcing.particular_over(start + self.origin, duration)
         return segment_from_particular(particular, np.empty(TERMS), duration)
 
     def affine(self, start, duration):
-        """Return the flights of both sides, without noise and events, over a `duration` from `start`."""
+        """Return the `AffineFlights` of both sides, without noise and events, over a `duration` from `start`.
+
+        Of an exact block it is that whose acceleration is right at zero angle; `FreeFlight` adds the rest.
+        """
         ends = start, start + duration
         particular = (value for time in ends for value in self.forcing.particular(time + self.origin))
         return affine_flights(*particular, duration, contact_laws(self.block))
 
     def excess(self, start, duration):
-        """`Excess` of an exact block over a step, a callable of angles and sides; None of a slender block."""
+        """Return the `Excess` of an exact block over a step, None of a slender one."""
         if self.block.critical_angle is None:
             return None
         shifts = self.affine(start, 0.5 * duration).shifts[:, 0]
@@ -120,17 +131,17 @@ class Dynamics:
 
     @property
     def largest_factor(self):
-        """Bound of the factor by which noise moves the block, a float, at least 1."""
+        """Bound of the factor by which noise moves the block, at least 1."""
         return max(1.0, *self.block.scales)
 
     @property
     def lift_off(self):
-        """Largest |f|, nondimensional, under which a block at rest stays: that of the side that falls more easily."""
+        """Largest |f| under which a block at rest stays: that of the side that falls more easily."""
         return min(self._lift_off_levels)
 
     @property
     def _lift_off_levels(self):
-        """Largest force to the left, and to the right, under which a block at rest stays: a list, nondimensional."""
+        """Largest force to the left, and to the right, under which a block at rest stays."""
         alpha = self.block.critical_angle or 0.0
         return [saddle * lift_off(alpha * saddle) for saddle in self.block.saddles]
 
@@ -140,14 +151,17 @@ class Dynamics:
         return min(right - force, left + force)
 
     def since_lift_off(self, time):
-        """Return (elapsed, slope): time since |f| last rose through a side's level of lift-off, and d|f|/dτ there."""
+        """Return (elapsed, slope): time since |f| last rose through a side's level of lift-off, and d|f|/dτ there.
+
+        They are as seen at `time`; (inf, 0) if the force never did so before.
+        """
         left, right = self._lift_off_levels
         if left == right:
             return self._since_level(time, right)
         return min(self._since_level(time, left, -1), self._since_level(time, right, 1))
 
     def _since_level(self, time, level, side=None):
-        """Return (elapsed, slope): time since |f| last rose through a `level`, and d|f|/dτ there; (inf, 0) if never."""
+        """Return (elapsed, slope) since |f| on a `side`, ±1, or on both for None, last rose through a `level`."""
         force, earlier = _forcing_in_units_of(self.forcing, level), 0.0
         while earlier <= time:
             since, slope = force.since_lift_off(time - earlier + self.origin)
@@ -160,21 +174,21 @@ class Dynamics:
 
 @functools.lru_cache(maxsize=8)
 def _forcing_in_units_of(forcing, level):
-    """Return the forcing, `forcing` over a `level` of lift-off, the same object each time: it keeps its lift-offs."""
+    """Return `forcing` over a `level` of lift-off, the same object each time: it keeps its lift-offs."""
     return forcing.in_units_of(level)
 
 
 class GaussPoints(NamedTuple):
-    """Gauss points of a mesh: its lines, points (g,), (h,) on [0, 1] in a cell, and their weights."""
+    """Mesh lines, and Gauss points of a cell, g in angle and h in velocity."""
 
     angle_lines: np.ndarray
     velocity_lines: np.ndarray
-    angle_points: np.ndarray
-    velocity_points: np.ndarray
-    angle_weights: np.ndarray
-    velocity_weights: np.ndarray
-    angle_table: np.ndarray
-    velocity_table: np.ndarray
+    angle_points: np.ndarray  # (g,) on [0, 1]
+    velocity_points: np.ndarray  # (h,)
+    angle_weights: np.ndarray  # (g,)
+    velocity_weights: np.ndarray  # (h,)
+    angle_table: np.ndarray  # (g, modes), shape functions at the points
+    velocity_table: np.ndarray  # (h, modes)
 
 
 @kernel
@@ -188,7 +202,12 @@ def points_of_cell(i, j, points):
 
 @kernel
 def is_event_free(low, high, slow, fast, side, segment, duration, block, margins):
-    """Whether no path from a cell meets an impact in a step of a `duration`, and none past the cut-off may return."""
+    """Whether no path from a cell meets an impact in a step, and none past the cut-off may return.
+
+    In folded coordinates s x, s v the cell is [low, high] in angle and [slow, fast] in velocity, on the side s, `side`;
+    `margins` (2) are what noise adds to both. A path that passes the cut-off with a velocity that stays positive is
+    beyond it at the end.
+    """
     fall, rise = acceleration_bounds(side, segment.force_low, segment.force_high, block)
     least = min(low, low + slow * duration - 0.5 * max(fall, 0.0) * duration * duration)
     most = high + max(fast, 0.0) * duration + 0.5 * max(rise, 0.0) * duration * duration
@@ -201,7 +220,10 @@ def is_event_free(low, high, slow, fast, side, segment, duration, block, margins
 
 @kernel
 def event_cells(angle_lines, velocity_lines, segment, duration, block, margins):
-    """Return a mask (angle cells, velocity cells) of the cells that an event can reach within a step."""
+    """Return a mask (angle cells, velocity cells) of the cells that an event can reach within a step.
+
+    `margins` (2) are what noise adds to angle and velocity.
+    """
     marks = np.empty((len(angle_lines) - 1, len(velocity_lines) - 1), np.bool_)
     for i in range(marks.shape[0]):
         side = 1 if angle_lines[i] + angle_lines[i + 1] > 0.0 else -1

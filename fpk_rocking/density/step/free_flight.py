@@ -15,56 +15,70 @@ density on the mesh is one of displaced states; what is left is of second order 
 (derived in docs/theory).
 """
 
+import functools
 import math
 
 import numpy as np
 
-from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points, legendre_basis
+from fpk_rocking.base.basis import gauss_hermite, gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel, run_in_parts
 from fpk_rocking.density.space import Space
-from fpk_rocking.density.step.remap import prepare_remap, target_range
+from fpk_rocking.density.step.dynamics import Excess
+from fpk_rocking.density.step.remap import Remap, prepare_remap, target_range, with_end_cells
 from fpk_rocking.density.step.shears import (
     AngleRows,
     LineTables,
     VelocityRows,
-    adjoint_first_angle_shear,
-    adjoint_last_angle_shear,
-    adjoint_velocity_shear,
-    first_angle_shear,
-    last_angle_shear,
-    velocity_shear,
+    shear_coefficients,
+    shear_values,
+    shear_velocity,
 )
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion.equation import (
     acceleration,
     acceleration_gradient,
     contact_laws,
-    dispatch_on_block,
     force_factor,
     value_and_slope,
 )
-from fpk_rocking.physics.motion.slender import SLENDER_CONTACT, flight_shears, shear_diffusion_variances
+from fpk_rocking.physics.motion.slender import (
+    SLENDER_CONTACT,
+    AffineFlights,
+    flight_shears,
+    shear_diffusion_variances,
+)
 
 
 class FreeFlight:
-    """Linear map of densities over one step for the cells that no event can reach, and its adjoint."""
+    """Linear map of densities over one step for the cells that no event can reach, and its adjoint.
 
-    def __init__(self, space: Space, free, affine, diffusion, duration, nodes, angle_remap=None, excess=None):
+    `free` (angle cells, velocity cells) is the mask of these cells; `nodes` is the number of Gauss-Hermite nodes of the
+    diffusion of the velocity. `angle_remap`, of `angle_remap_of`, serves many flights. An exact block has an `excess`.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        free: np.ndarray,
+        affine: AffineFlights,
+        diffusion: float,
+        duration: float,
+        nodes: int,
+        angle_remap: Remap | None = None,
+        excess: Excess | None = None,
+    ):
         sinh, shifts = flight_shears(duration)[1], affine.shifts
-        self.free = free
+        self.free, self._areas = free, space.areas[..., None, None]
         self._shear_seconds = TUNING.seconds_flight / 3.0 * np.count_nonzero(free) * (space.degree + 1) ** 2
-        (limit, across), middle = free.shape, min(space.first_positive, free.shape[0])
-        points, weights = gauss_legendre(space.degree + 1)
-        table = legendre_at_gauss_points(space.degree + 1, space.degree)
-        self.tables = LineTables(
+        (limit, across), middle, degree = free.shape, min(space.first_positive, free.shape[0]), space.degree
+        points, weights = gauss_legendre(degree + 1)
+        table = legendre_at_gauss_points(degree + 1, degree)
+        self._tables = LineTables(
             table, np.ascontiguousarray((table * weights[:, None]).T), weights,
-            legendre_basis([0.0, 1.0], space.degree) @ table.T,
             np.diff(space.angle_lines), np.diff(space.velocity_lines),
         )  # fmt: skip
         laws = contact_laws(excess.block) if excess else SLENDER_CONTACT
-        sides, angle_shears, drift, spread, narrow, narrow_weights = _angle_shears(
-            space, affine, diffusion, duration, laws
-        )
+        shear, drift = _angle_shears(space, affine, diffusion, duration, laws)
         by_side = [shifts[side, 1] - sinh * drift[side] for side in (-1, 1)]
         pushes = np.repeat(by_side, (middle, limit - middle))[:, None]
         angles = _line_points(space.angle_lines, points)
@@ -75,11 +89,13 @@ class FreeFlight:
             angles = stretch * angles + np.repeat(by_half, counts)[:, None]
             where = np.repeat([-1.0, 1.0], counts)[:, None]
             velocity_shears += stretch * duration * excess(angles, where)
-        all_cells, no_shift, no_spread = np.tile([0, across], (limit, 1)), np.zeros((1, 1)), np.ones((1, 1))
 
-        first = ranges_of(rows_along_angle(free, middle))
-        first_targets = target_range(space.angle_lines, sides, angle_shears, spread, narrow, first)
-        second = ranges_of(join_sides(mask_of(first_targets, limit)).T)
+        # Masks of cells by row have the rows' end cells, from which nothing flies.
+        left = np.arange(limit + 2) <= middle
+        first = ranges_of(_rows_by_side(np.pad(free.T, ((0, 0), (1, 1))), left))
+        first_targets = target_range(*shear[:-1], first)
+        reached = mask_of(first_targets, limit + 2)
+        second = ranges_of(np.pad((reached[:across] | reached[across:])[:, 1:-1].T, ((0, 0), (1, 1))))
         variance, (wide, wide_weights) = shear_diffusion_variances(diffusion, duration)[0], gauss_hermite(nodes)
         spreads, (own, own_weights) = np.ones_like(velocity_shears), gauss_hermite(1)
         if excess and diffusion > 0.0 and second.any():
@@ -90,75 +106,87 @@ class FreeFlight:
             spreads, variance = np.sqrt(variance * np.maximum(parts - least, 0.0)), variance * least
             is_narrow = most - least <= TUNING.narrow_part * most
             own, own_weights = gauss_hermite(TUNING.narrow_nodes if is_narrow else nodes)
-        wide = math.sqrt(variance) * wide
-        sheared = target_range(space.velocity_lines, all_cells, velocity_shears, spreads, own, second)
-        diffused = target_range(space.velocity_lines, all_cells, no_shift, no_spread, wide, sheared)
-        third = ranges_of(rows_along_angle(mask_of(diffused, across), middle))
-        third_targets = target_range(space.angle_lines, sides, angle_shears, spread, narrow, third)
-        degree, every = space.degree, ranges_of(mask_of(sheared, across).any(axis=0)[None])
+        velocities, bounds = with_end_cells(space.velocity_lines), np.tile([0, across + 2], (limit, 1))
+        push = velocities, bounds, velocity_shears, spreads, own
+        spread = velocities, bounds, np.zeros((1, 1)), np.ones((1, 1)), math.sqrt(variance) * wide
+        pushed = target_range(*push, second)
+        inside = np.clip(pushed, 1, across + 1)
+        diffused = target_range(*spread, inside)
+        third = ranges_of(_rows_by_side(np.pad(mask_of(diffused, across + 2)[:, 1:-1].T, ((0, 0), (1, 1))), left))
+        every = ranges_of(mask_of(inside, across + 2).any(axis=0)[None])
         self._shared = angle_remap is not None
-        self.angle_remap = angle_remap or prepare_remap(
-            space.angle_lines, sides, angle_shears, spread, narrow, narrow_weights, degree, union(first, third)
+        remaps = (
+            angle_remap or prepare_remap(*shear, degree, union(first, third)),
+            prepare_remap(*push, own_weights, degree, second),
+            prepare_remap(velocities, bounds[:1], *spread[2:], wide_weights, degree, every),
         )
-        self.velocity_remap = prepare_remap(
-            space.velocity_lines, all_cells, velocity_shears, spreads, own, own_weights, degree, second
+        rows = (
+            AngleRows(balanced_order(first), first, first_targets),
+            VelocityRows(balanced_order(second), second, pushed, inside, diffused),
+            AngleRows(balanced_order(third), third, target_range(*shear[:-1], third)),
         )
-        self.diffusion_remap = prepare_remap(
-            space.velocity_lines, all_cells[:1], no_shift, no_spread, wide, wide_weights, degree, every
-        )
-        self.first = AngleRows(balanced_order(first), first, first_targets)
-        self.second = VelocityRows(balanced_order(second), second, sheared, diffused)
-        self.third = AngleRows(balanced_order(third), third, third_targets)
+        self._forward = rows, remaps, self._tables
+
+    @functools.cached_property
+    def _backward(self):
+        """The rows, remaps and tables of the adjoint: all transposed, and the shears in reverse."""
+        rows, remaps, tables = self._forward
+        angle, push, spread = (remap.transposed() for remap in remaps)
+        return [type(part)(part.order, *part[:0:-1]) for part in rows[::-1]], (angle, spread, push), tables.transposed()
 
     @property
     def nbytes(self):
-        """Bytes, an int, of the prepared remaps, one that was given left out."""
-        own = (self.velocity_remap, self.diffusion_remap, *(() if self._shared else (self.angle_remap,)))
-        return sum(part.nbytes for remap in own for part in remap)
+        """Bytes of the prepared remaps, one that was given left out."""
+        return sum(part.nbytes for remap in self._forward[1][self._shared :] for part in remap)
 
     def apply(self, coefficients, out):
-        """Add the density after the step to `out`, and return the masses that passed the bounds."""
-        limit, across, modes, _ = coefficients.shape
-        basis = (1.0,) * modes
-        drifted, diffused = np.zeros(coefficients.shape), np.zeros((across, limit, modes, modes))
-        truncated, overturned = np.zeros(limit), np.zeros((2, across))
-        angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
-        self._run_on_rows(
-            first_angle_shear, self.first, coefficients, self.free, angle, tables, drifted, overturned, basis
-        )
-        self._run_on_rows(velocity_shear, self.second, drifted, *velocity, tables, diffused, truncated, basis)
-        self._run_on_rows(last_angle_shear, self.third, diffused, angle, tables, out, overturned, basis)
-        return np.array([overturned[0].sum(), overturned[1].sum(), truncated.sum()])
+        """Add the density after the step to `out`; return the masses (3,) past the cut-offs and the velocity bound."""
+        return self._fly(self._forward, coefficients, self.free, np.zeros(3), out)
 
     def apply_adjoint(self, function, exit_values, out):
-        """Write to `out` the coefficients of a function before the step, by those after it: the L2 adjoint."""
-        limit, across, modes, _ = function.shape
-        basis = (1.0,) * modes
-        diffused, drifted = np.zeros((across, limit, modes, modes)), np.zeros(function.shape)
-        angle, velocity, tables = self.angle_remap, (self.velocity_remap, self.diffusion_remap), self.tables
-        self._run_on_rows(
-            adjoint_last_angle_shear, self.third, function, angle, tables, exit_values[:2], diffused, basis
-        )
-        self._run_on_rows(
-            adjoint_velocity_shear, self.second, diffused, *velocity, tables, exit_values[2], drifted, basis
-        )
-        self._run_on_rows(
-            adjoint_first_angle_shear, self.first, drifted, self.free, angle, tables, exit_values[:2], out, basis
-        )
+        """Write to `out`, in the free cells, the coefficients of a function before the step, by those after it.
 
-    def _run_on_rows(self, shear, rows, *arguments):
-        """Call a kernel of a shear, with `arguments`, for all rows of an `AngleRows` or `VelocityRows`, on threads."""
-        run_in_parts(shear, len(rows.order), rows, *arguments, seconds=self._shear_seconds)
+        It is the adjoint of `apply` in L2; `exit_values` (3,) are those of the masses that it returns.
+        """
+        before, everywhere = np.zeros(function.shape), np.ones_like(self.free)
+        self._fly(self._backward, function * self._areas, everywhere, exit_values, before)
+        out[self.free] = (before / self._areas)[self.free]
+
+    def _fly(self, way, coefficients, cells, exit_values, out):
+        """Add the coefficients of `cells`, a mask, after the shears to `out`; return the masses (3,) that left."""
+        (first, second, third), (angle, *velocity), tables = way
+        limit, across, modes, _ = coefficients.shape
+        basis, seconds = (1.0,) * modes, self._shear_seconds
+        drifted, diffused = np.zeros((limit, across + 2, modes, modes)), np.zeros((across, limit + 2, modes, modes))
+        overturned, truncated = np.zeros((2, across)), np.zeros((2, limit))
+        sides, beyond = exit_values[:2], np.full(2, exit_values[2])
+        run_in_parts(
+            shear_coefficients, len(first.order), first, coefficients, cells, angle, tables, sides, drifted, overturned,
+            basis, seconds=seconds,
+        )  # fmt: skip
+        run_in_parts(
+            shear_velocity, len(second.order), second, drifted, *velocity, tables, beyond, diffused, truncated, basis,
+            seconds=seconds,
+        )  # fmt: skip
+        run_in_parts(
+            shear_values, len(third.order), third, diffused, angle, tables, sides, out, overturned, basis,
+            seconds=seconds,
+        )  # fmt: skip
+        return np.array([overturned[0].sum(), overturned[1].sum(), truncated.sum()])
 
 
-def angle_remap_of(space, affine, diffusion, duration):
-    """Return the `Remap`, a named tuple of matrices, of both shears of the angle for all cells of a `Space`."""
-    sides, shears, _, spread, nodes, weights = _angle_shears(space, affine, diffusion, duration)
-    return prepare_remap(space.angle_lines, sides, shears, spread, nodes, weights, space.degree, sides)
+def angle_remap_of(space: Space, affine, diffusion, duration):
+    """Return the `Remap` of both shears of the angle for all cells of a `Space`.
+
+    It serves all flights of a `duration` that differ from `affine`, `AffineFlights`, in a constant force alone: that
+    moves the velocity between the two shears of the angle, and neither of these.
+    """
+    shear, _ = _angle_shears(space, affine, diffusion, duration)
+    return prepare_remap(*shear, space.degree, np.clip(shear[1], 1, space.shape[0] + 1))
 
 
 def _angle_shears(space, affine, diffusion, duration, laws=SLENDER_CONTACT):
-    """Return (bounds, shifts, drift, spread, nodes, weights), what `prepare_remap` needs for a shear of the angle."""
+    """Return the first arguments of `prepare_remap` for a shear of the angle, and the forcing's part of it by side."""
     (limit, across, *_), shifts = space.shape, affine.shifts
     middle, shear = min(space.first_positive, limit), flight_shears(duration)[0]
     most = max(law.noise for law in laws.values())
@@ -166,10 +194,10 @@ def _angle_shears(space, affine, diffusion, duration, laws=SLENDER_CONTACT):
     nodes, weights = gauss_hermite(TUNING.narrow_nodes if variance > 0.0 else 1)
     drift = {side: 0.5 * (shifts[side, 0] - shear * shifts[side, 1]) for side in (1, -1)}
     along = shear * _line_points(space.velocity_lines, gauss_legendre(space.degree + 1)[0])
-    sides = np.repeat([(0, middle), (middle, limit)], across, axis=0)
+    bounds = np.repeat([(0, middle + 1), (middle + 1, limit + 2)], across, axis=0)
     shears = np.concatenate([along + drift[side] for side in (-1, 1)])
     spread = np.concatenate([np.full_like(along, laws[side].noise / most) for side in (-1, 1)])
-    return sides, shears, drift, spread, math.sqrt(variance) * nodes, weights
+    return (with_end_cells(space.angle_lines), bounds, shears, spread, math.sqrt(variance) * nodes, weights), drift
 
 
 def _line_points(lines, points):
@@ -177,18 +205,9 @@ def _line_points(lines, points):
     return lines[:-1, None] + np.diff(lines)[:, None] * points
 
 
-def rows_along_angle(cells, middle):
-    """Mask (2 velocity cells, angle cells), one row a side and velocity cell, from a mask (angle, velocity)."""
-    rows = np.concatenate([cells.T, cells.T])
-    rows[: cells.shape[1], middle:] = False
-    rows[cells.shape[1] :, :middle] = False
-    return rows
-
-
-def join_sides(rows):
-    """Return a mask (velocity cells, angle cells) from one by rows along the angle, (2 velocity cells, angle cells)."""
-    left, right = np.split(rows, 2)
-    return left | right
+def _rows_by_side(rows, left):
+    """Return a mask (2 rows, cells) of a mask (rows, cells): its cells in the mask `left` (cells,), then the others."""
+    return np.concatenate([rows & left, rows & ~left])
 
 
 def ranges_of(rows):
@@ -204,37 +223,27 @@ def mask_of(ranges, cells):
 
 
 def union(first, second):
-    """Return the ranges (rows, 2) that contain both of two ranges (rows, 2) in each row, `first` and `second`."""
+    """Return the ranges (rows, 2) that contain both of two ranges (rows, 2) in each row."""
     empty = [(part[:, 1] == part[:, 0])[:, None] for part in (first, second)]
     both = np.stack([np.minimum(first[:, 0], second[:, 0]), np.maximum(first[:, 1], second[:, 1])], axis=1)
     return np.where(empty[0], second, np.where(empty[1], first, both))
 
 
 def balanced_order(ranges):
-    """Return the indices of the rows whose range (rows, 2) is not empty, in a balanced order, (n,)."""
+    """Return the rows (n,) whose range (rows, 2) is not empty, such that equal parts of them take about equal time."""
     rows = np.flatnonzero(ranges[:, 1] > ranges[:, 0])
     return np.concatenate([rows[::2], rows[1::2]])
 
 
-@kernel(inline="always")
-def _slender_displaced(x, v, side, time, displacement, segment, block):  # noqa: ARG001
-    """Return (x, v), the angle and velocity of a slender block, as they are; no other argument is used."""
-    return x, v
-
-
 @kernel
-def _exact_displaced(x, v, side, time, displacement, segment, block):
-    """Return (x, v), angle and velocity of an exact block on `side`, ±1, displaced at a `time` of a `Segment`."""
+def displaced(x, v, side, time, displacement, segment, block):
+    """Return a state (x, v) on a side, plus `displacement` times (-c, v ∂c/∂x + ∂c/∂t), at a `time` of a `Segment`.
+
+    c is the acceleration less that of the affine flights, 0 of a slender block. States of the mesh are the real ones
+    less this at duration²/24.
+    """
     u, (force, slope) = side * x, value_and_slope(segment.force, time)
     excess = acceleration(u, side, force, block) - acceleration(0.0, side, force, block) - u
     gradient = acceleration_gradient(u, side, force, block) - 1.0
     rise = slope * (force_factor(u, side, block) - force_factor(0.0, side, block))
     return x - side * displacement * excess, v + displacement * (v * gradient + rise)
-
-
-displaced = dispatch_on_block(_slender_displaced, _exact_displaced)
-"""State (x, v) on a side, plus `displacement` times (-c, v ∂c/∂x + ∂c/∂t) of an exact block at a `time` of a `Segment`.
-
-`c` is the acceleration less that of the affine flights, see `free_flight`. States of the mesh are the real ones less
-this at duration²/24.
-"""

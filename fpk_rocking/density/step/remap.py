@@ -2,57 +2,94 @@
 
 A row holds the lines through the Gauss points of one row of cells: the cells that share an interval of the velocity, on
 one side of x = 0, or an interval of the angle. A function on a line is given by its values at the line's own Gauss
-points. Only what a row's active cells need is prepared. `remap_rows.py` applies the matrices.
+points. Only what a row's active cells need is prepared.
+
+Beyond each end of the mesh stands an *end cell*, which collects what leaves (`with_end_cells`): cell 0, and the last
+one. What passes the outermost cell of a row piles up at the outer end of that cell. Where this is an end cell the mass
+has left, and where it is a cell next to x = 0 nothing passes x = 0. So mass is conserved.
+
+Named arguments: `lines` (cells + 1,) of the mesh with its end cells; `bounds`, `source`, `target` (rows, 2), first cell
+and one past the last of a row, of its active cells, and of those that these reach; `shifts`, `spreads` (rows, lines),
+how far each line moves, and is diffused per node; `nodes`, `weights` (n,) of the diffusion, ascending; `points`,
+`point_weights` a Gauss-Legendre rule on [0, 1]; `basis`, a tuple whose length tells the compiler the number of modes.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.base.arrays import borrowed
+from fpk_rocking.base.arrays import borrowed, scratch
 from fpk_rocking.base.basis import gauss_legendre, legendre_at_gauss_points
 from fpk_rocking.base.jit import kernel, run_in_parts
-from fpk_rocking.density.step.targets import legendre_at
+from fpk_rocking.density.step.scatter import FASTMATH, MOST_MODES, legendre_at
 from fpk_rocking.density.tuning import TUNING
+
+_line_sums = scratch(1, MOST_MODES)
 
 
 class Remap(NamedTuple):
     """Matrices of a remap; the index of a target cell c in row r is ``origin[r] + c``, one line may serve all."""
 
+    sources: np.ndarray  # (rows, 2)
+    targets: np.ndarray  # (rows, 2)
     origin: np.ndarray  # (rows,)
-    first: np.ndarray  # (target cells, lines)
-    count: np.ndarray  # (target cells, lines)
-    start: np.ndarray  # (target cells, lines)
-    blocks: np.ndarray  # (n, modes, modes)
-    end_places: np.ndarray  # (rows, 2)
-    end_masses: np.ndarray  # (m, lines, cells, modes)
+    first: np.ndarray  # (target cells, lines): first source cell
+    count: np.ndarray  # (target cells, lines): number of source cells
+    start: np.ndarray  # (target cells, lines): place of the first source cell's block
+    blocks: np.ndarray  # (n, modes, modes): from values at the Gauss points of the source to those of the target
+
+    def transposed(self):
+        """Return the remap of the adjoint, from the target cells to the source cells."""
+        origin, lines = origin_of(self.sources), self.first.shape[1]
+        # Targets and source cells of a block; both ascend together, so that those of a source cell are consecutive.
+        entry = np.repeat(np.arange(self.count.size), self.count.ravel())
+        cell, line = np.divmod(entry, lines)
+        row = np.repeat(np.arange(len(self.targets)), np.diff(self.targets).ravel())[cell]
+        target = cell - self.origin[row]
+        source = self.first.ravel()[entry] + np.arange(len(entry)) - self.start.ravel()[entry]
+        place = (origin[row] + source) * lines + line
+        order = np.lexsort((target, place))
+        count = np.bincount(place, minlength=int(np.diff(self.sources).sum()) * lines)
+        start, first = np.cumsum(count) - count, np.zeros_like(count)
+        first[count > 0] = target[order][start[count > 0]]
+        first, count, start = (part.reshape(-1, lines) for part in (first, count, start))
+        blocks = np.ascontiguousarray(self.blocks[order].transpose(0, 2, 1))
+        return Remap(self.targets, self.sources, origin, first, count, start, blocks)
 
 
 def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):
     """Return the `Remap` of rows of cells whose lines shift and are diffused by Gauss-Hermite nodes, exactly."""
     target = target_range(lines, bounds, shifts, spreads, nodes, source)
-    sizes = target[:, 1] - target[:, 0]
-    origin = np.cumsum(sizes) - sizes - target[:, 0]
-    first, count = source_cells(lines, shifts, spreads, nodes, source, target, origin)
+    origin = origin_of(target)
+    first, count = source_cells(lines, bounds, shifts, spreads, nodes, source, target, origin)
     start = (np.cumsum(count.ravel()) - count.ravel()).reshape(count.shape)
-    end_places = places_of_ends(lines, bounds, shifts, spreads, nodes, source)
     points, point_weights = gauss_legendre(degree + 1)
     blocks = np.zeros((int(count.sum()), degree + 1, degree + 1))
-    end_masses = np.zeros((int(end_places.max()) + 1, shifts.shape[1], len(lines) - 1, degree + 1))
-    remap = Remap(origin, first, count, start, blocks, end_places, end_masses)
+    remap = Remap(source, target, origin, first, count, start, blocks)
     basis = (1.0,) * (degree + 1)
-    where = lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source
+    where = lines, bounds, shifts, spreads, nodes, weights, points, point_weights
     seconds = TUNING.seconds_integral * blocks.size
     run_in_parts(fill_blocks, len(source), *where, remap, basis, seconds=seconds)
     values = legendre_at_gauss_points(degree + 1, degree)
     moments = values * point_weights[:, None]
     run_in_parts(blocks_to_point_values, len(blocks), moments, values, blocks, basis, seconds=seconds)
-    return remap._replace(end_masses=np.einsum("rlck,mk->rlcm", end_masses, moments))
+    return remap
+
+
+def with_end_cells(lines):
+    """Return mesh lines (cells + 1,) with a cell of size 1 beyond each end."""
+    return np.concatenate([[lines[0] - 1.0], lines, [lines[-1] + 1.0]])
+
+
+def origin_of(ranges):
+    """Return the numbers (rows,) of a cell 0 of each row, where the cells of `ranges` (rows, 2) are counted on."""
+    sizes = ranges[:, 1] - ranges[:, 0]
+    return np.cumsum(sizes) - sizes - ranges[:, 0]
 
 
 @kernel
 def cells_in_interval(lines, bounds, low, high):
-    """Return (first, last): indices of the first and the last cell of a row that overlap an interval [low, high]."""
+    """Return (first, last), the cells of a row within `bounds` (2,) that overlap an interval [low, high]."""
     first = min(max(np.searchsorted(lines, low, side="right") - 1, bounds[0]), bounds[1] - 1)
     last = min(max(np.searchsorted(lines, high, side="left") - 1, bounds[0]), bounds[1] - 1)
     return first, last
@@ -60,7 +97,7 @@ def cells_in_interval(lines, bounds, low, high):
 
 @kernel
 def target_range(lines, bounds, shifts, spreads, nodes, source):
-    """Return ranges (rows, 2), first cell and one past the last, of the cells that a remap's sources reach."""
+    """Return the ranges (rows, 2) of cells that sources reach; one row of shifts and spreads may serve all rows."""
     target = np.zeros((len(source), 2), np.int64)
     for r in range(len(source)):
         if source[r, 1] > source[r, 0]:
@@ -73,8 +110,8 @@ def target_range(lines, bounds, shifts, spreads, nodes, source):
 
 
 @kernel
-def source_cells(lines, shifts, spreads, nodes, source, target, origin):
-    """Return (first, count), ints (target cells, lines): first source cell of every target cell, and their number."""
+def source_cells(lines, bounds, shifts, spreads, nodes, source, target, origin):
+    """Return (first, count), (target cells, lines): first source cell of every target cell, and their number."""
     cells = (target[:, 1] - target[:, 0]).sum()
     first = np.zeros((cells, shifts.shape[1]), np.int64)
     count = np.zeros((cells, shifts.shape[1]), np.int64)
@@ -84,117 +121,103 @@ def source_cells(lines, shifts, spreads, nodes, source, target, origin):
                 early, late = spreads[r, q] * nodes[-1], spreads[r, q] * nodes[0]
                 low, _ = cells_in_interval(lines, source[r], lines[c] - shifts[r, q] - early, lines[c + 1])
                 _, high = cells_in_interval(lines, source[r], lines[0], lines[c + 1] - shifts[r, q] - late)
+                # All that passes the outermost cell piles up there.
+                low = source[r, 0] if c == bounds[r, 0] else low
+                high = source[r, 1] - 1 if c == bounds[r, 1] - 1 else high
                 first[origin[r] + c, q], count[origin[r] + c, q] = low, max(high - low + 1, 0)
     return first, count
 
 
 @kernel
-def places_of_ends(lines, bounds, shifts, spreads, nodes, source):
-    """Return `Remap.end_places`: numbers (rows, 2), from 0 by row, of the ends that sources pass, -1 for the others."""
-    places = np.full((len(source), 2), -1, np.int64)
-    number = 0
-    for r in range(len(source)):
-        if source[r, 1] <= source[r, 0]:
-            continue
-        spread = spreads[r].max()
-        if lines[source[r, 0]] + shifts[r].min() + spread * nodes[0] < lines[bounds[r, 0]]:
-            places[r, 0] = number
-            number += 1
-        if lines[source[r, 1]] + shifts[r].max() + spread * nodes[-1] > lines[bounds[r, 1]]:
-            places[r, 1] = number
-            number += 1
-    return places
-
-
-@kernel
-def add_integral(start, stop, left, right, weight, points, point_weights, out):
-    """Add to `out` (modes,) `weight` times the integrals over [start, stop] of a cell's shape functions."""
-    for q in range(len(points) if stop > start else 0):
-        here = legendre_at(2.0 * (start + points[q] * (stop - start) - left) / (right - left) - 1.0)
-        for k in range(len(out)):
-            out[k] += weight * point_weights[q] * (stop - start) * here[k]
-
-
-@kernel
 def add_product(start, stop, left, right, low, high, shift, weight, points, point_weights, block, basis):
-    """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions."""
+    """Add to `block` (modes, modes) `weight` times the integrals over [start, stop] of products of shape functions.
+
+    One is of the source cell [left, right], one of the target cell [low, high], moved by `shift`; beyond that cell the
+    latter is what it is at the cell's end.
+    """
     here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
-    for q in range(len(points)):
+    for q in range(len(points) if stop > start else 0):
         x = start + points[q] * (stop - start)
         part = 0.5 * there_scale * weight * point_weights[q] * (stop - start)
         here = legendre_at(here_scale * (x - left) - 1.0)
-        there = legendre_at(there_scale * (x + shift - low) - 1.0)
+        there = legendre_at(min(max(there_scale * (x + shift - low) - 1.0, -1.0), 1.0))
         for k in range(modes):
             for i in range(modes):
                 block[k, i] += part * here[k] * there[i]
 
 
 @kernel
-def _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis):
-    """Add integrals of row r to `blocks` and `end_masses` of a `Remap`, see `fill_blocks` for the arguments."""
-    origin, first, start, blocks = remap.origin, remap.first, remap.start, remap.blocks
-    places, masses = remap.end_places, remap.end_masses
-    floor, top = lines[bounds[r, 0]], lines[bounds[r, 1]]
-    for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
-        for n in range(len(nodes)):
-            move = shifts[r, q] + spreads[r, q] * nodes[n]
-            for cell in range(source[r, 0], source[r, 1]):
-                left, right = lines[cell], lines[cell + 1]
-                low, high = cells_in_interval(lines, bounds[r], left + move, right + move)
-                for target in range(low, high + 1):
-                    begin, stop = max(left, lines[target] - move), min(right, lines[target + 1] - move)
-                    if stop > begin:
-                        place = start[origin[r] + target, q] + cell - first[origin[r] + target, q]
-                        add_product(
-                            begin, stop, left, right, lines[target], lines[target + 1], move, weights[n], points,
-                            point_weights, blocks[place], basis,
-                        )  # fmt: skip
-                if places[r, 0] >= 0:
-                    stop = min(right, floor - move)
-                    add_integral(
-                        left, stop, left, right, weights[n], points, point_weights, masses[places[r, 0], q, cell]
-                    )
-                if places[r, 1] >= 0:
-                    begin = max(left, top - move)
-                    add_integral(
-                        begin, right, left, right, weights[n], points, point_weights, masses[places[r, 1], q, cell]
-                    )
-
-
-@kernel
-def fill_blocks(
-    begin, end, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis
-):
-    """Integrate products of shape functions over all overlaps, exactly, into blocks and masses of a `Remap`."""
-    lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap = borrowed(
-        (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap)
+def fill_blocks(begin, end, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, remap, basis):
+    """Integrate products of shape functions over all overlaps, exactly, into the blocks of a `Remap`."""
+    lines, bounds, shifts, spreads, nodes, weights, points, point_weights, remap = borrowed(
+        (lines, bounds, shifts, spreads, nodes, weights, points, point_weights, remap)
     )
+    source, origin, first, start, blocks = remap.sources, remap.origin, remap.first, remap.start, remap.blocks
     for r in range(begin, end):
-        _fill_row(r, lines, bounds, shifts, spreads, nodes, weights, points, point_weights, source, remap, basis)
-
-
-@kernel
-def _block_to_point_values(b, moments, values, blocks, half, basis):
-    """Turn block b of `blocks` (n, modes, modes) from moments to values at Gauss points, in place."""
-    modes = len(basis)
-    for k in range(modes):
-        for i in range(modes):
-            total = 0.0
-            for m in range(modes):
-                total += moments[k, m] * blocks[b, m, i]
-            half[k, i] = total
-    for k in range(modes):
-        for i in range(modes):
-            total = 0.0
-            for m in range(modes):
-                total += half[k, m] * values[i, m]
-            blocks[b, k, i] = total
+        for q in range(shifts.shape[1] if source[r, 1] > source[r, 0] else 0):
+            for n in range(len(nodes)):
+                move = shifts[r, q] + spreads[r, q] * nodes[n]
+                for cell in range(source[r, 0], source[r, 1]):
+                    left, right = lines[cell], lines[cell + 1]
+                    nearest, farthest = cells_in_interval(lines, bounds[r], left + move, right + move)
+                    for target in range(nearest, farthest + 1):
+                        low, high = lines[target], lines[target + 1]
+                        enter, leave = min(max(low - move, left), right), min(max(high - move, left), right)
+                        block = blocks[start[origin[r] + target, q] + cell - first[origin[r] + target, q]]
+                        below = left if target == bounds[r, 0] else enter
+                        above = right if target == bounds[r, 1] - 1 else leave
+                        for ends in ((enter, leave), (below, enter), (leave, above)):
+                            add_product(
+                                ends[0], ends[1], left, right, low, high, move, weights[n], points, point_weights,
+                                block, basis,
+                            )  # fmt: skip
 
 
 @kernel
 def blocks_to_point_values(begin, end, moments, values, blocks, basis):
-    """Turn the blocks from `begin` to `end`, in place, from moments to values at Gauss points."""
+    """Turn the blocks (n, modes, modes) from `begin` to `end`, in place, from moments to values at Gauss points.
+
+    `values` (points, modes) are the shape functions at the points, `moments` the same times the points' weights.
+    """
     moments, values, blocks = borrowed((moments, values, blocks))
-    half = np.empty(values.shape)
+    modes, half = len(basis), np.empty(values.shape)
     for b in range(begin, end):
-        _block_to_point_values(b, moments, values, blocks, half, basis)
+        for k in range(modes):
+            for i in range(modes):
+                total = 0.0
+                for m in range(modes):
+                    total += moments[k, m] * blocks[b, m, i]
+                half[k, i] = total
+        for k in range(modes):
+            for i in range(modes):
+                total = 0.0
+                for m in range(modes):
+                    total += half[k, m] * values[i, m]
+                blocks[b, k, i] = total
+
+
+@kernel(fastmath=FASTMATH)
+def remap_row(r, values, source, target, remap, moved, basis):
+    """Write to `moved` the values (cells, lines, modes) of the target cells of row r by `values` of its source cells.
+
+    `source`, `target` (2,): first cell of each and the one after the last, within those that `remap` is prepared for.
+    """
+    origin, first, count, start, blocks = remap.origin, remap.first, remap.count, remap.start, remap.blocks
+    modes, shared = len(basis), first.shape[1] == 1
+    base, sums = origin[min(r, len(origin) - 1)], _line_sums()
+    for c in range(target[0], target[1]):
+        for q in range(modes):
+            line = 0 if shared else q
+            begin = first[base + c, line]
+            low, high = max(begin, source[0]), min(begin + count[base + c, line], source[1])
+            block = start[base + c, line] + low - begin
+            for i in range(modes):
+                sums[0, i] = 0.0
+            for s in range(low, high):
+                for k in range(modes):
+                    value = values[s, q, k]
+                    for i in range(modes):
+                        sums[0, i] += blocks[block, k, i] * value
+                block += 1
+            for i in range(modes):
+                moved[c, q, i] = sums[0, i]

@@ -1,6 +1,13 @@
-"""The shears of a free flight, row by row of mesh lines, with the diffusion along them; the adjoint stands below each.
+"""The shears of a free flight, row by row of mesh lines, with the diffusion along them; or of its adjoint.
 
-A density in flight is held by its values at the Gauss points of the cells.
+A density in flight is held by its values at the Gauss points of the cells, (cells, cells of the row, modes, modes) with
+the row last: rows of velocity cells, of angle cells, and of velocity cells again. A row has an end cell at both ends
+(`remap`). In a flight these collect the mass that leaves. In the adjoint, with the order of the shears reversed and all
+tables transposed, they hold the values of having left.
+
+Arguments: rows from number `begin` to `stop` in the order of `AngleRows` or `VelocityRows` are sheared; `exits` (2,)
+are values of having left at the lower and the upper end; `left` (2, rows), masses that left there, is added to.
+`basis`, a tuple, tells the compiler the number of modes by its length.
 """
 
 from typing import NamedTuple
@@ -9,61 +16,50 @@ import numpy as np
 
 from fpk_rocking.base.arrays import borrowed
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.density.step.remap_rows import (
-    adjoint_clamp_to_end,
-    adjoint_mass_past_end,
-    adjoint_remap_row,
-    clamp_to_end,
-    mass_past_end,
-    remap_row,
-)
-from fpk_rocking.density.step.targets import FASTMATH
+from fpk_rocking.density.step.remap import remap_row
+from fpk_rocking.density.step.scatter import FASTMATH
 
 
 class LineTables(NamedTuple):
     """Tables of a mesh for its lines of Gauss points."""
 
-    to_values: np.ndarray
-    to_coefficients: np.ndarray
-    weights: np.ndarray
-    ends: np.ndarray
-    angle_sizes: np.ndarray
+    to_values: np.ndarray  # (modes, modes): from coefficients to values at the Gauss points
+    to_coefficients: np.ndarray  # (modes, modes): and back
+    weights: np.ndarray  # (modes,) of the Gauss points
+    angle_sizes: np.ndarray  # of the cells
     velocity_sizes: np.ndarray
+
+    def transposed(self):
+        """Return the tables of the adjoint."""
+        to_values, to_coefficients = map(np.ascontiguousarray, (self.to_coefficients.T, self.to_values.T))
+        return self._replace(to_values=to_values, to_coefficients=to_coefficients)
 
 
 class AngleRows(NamedTuple):
-    """Rows of one shear of the angle: their order, and their ranges (rows, 2) of source and target cells."""
+    """Rows of one shear of the angle: row `side * velocity cells + velocity cell`, side 0 or 1."""
 
-    order: np.ndarray
-    sources: np.ndarray
-    targets: np.ndarray
+    order: np.ndarray  # (n,) rows that are not empty
+    sources: np.ndarray  # (rows, 2): first cell and one past the last
+    targets: np.ndarray  # (rows, 2)
 
 
 class VelocityRows(NamedTuple):
-    """Rows of the shear of the velocity, as `AngleRows`; `sheared` are the ranges between shear and diffusion."""
+    """Rows of the two remaps of the velocity, by angle cell."""
 
-    order: np.ndarray
-    sources: np.ndarray
-    sheared: np.ndarray
-    targets: np.ndarray
+    order: np.ndarray  # (n,) rows that are not empty
+    sources: np.ndarray  # (rows, 2) of the first remap
+    first_targets: np.ndarray  # (rows, 2)
+    second_sources: np.ndarray  # (rows, 2): the same without end cells; in the adjoint these are there, not above
+    targets: np.ndarray  # (rows, 2) of the second remap
 
 
 @kernel(fastmath=FASTMATH)
-def _write_row(t, moved, target, out, basis):
-    """Write row t, `moved` (cells, lines, modes), to `out` with its axes exchanged, as rows of the other direction."""
-    for c in range(target[0], target[1]):
+def _write_row(t, row, cells, out, basis):
+    """Write row t (cells, lines, modes) to `out` (cells, cells, modes, lines), rows of the other axis, at column t."""
+    for c in range(max(cells[0], 1), min(cells[1], len(row) - 1)):
         for q in range(len(basis)):
             for i in range(len(basis)):
-                out[c, t, i, q] = moved[c, q, i]
-
-
-@kernel
-def _read_row(t, values, target, out, basis):
-    """Read row t to `out` (cells, lines, modes), from rows of the other direction: adjoint of `_write_row`."""
-    for c in range(target[0], target[1]):
-        for q in range(len(basis)):
-            for i in range(len(basis)):
-                out[c, q, i] = values[c, t, i, q]
+                out[c - 1, t + 1, i, q] = row[c, q, i]
 
 
 @kernel(fastmath=FASTMATH)
@@ -83,167 +79,86 @@ def _transform(cell, table, out, basis):
 
 
 @kernel
-def _integral_across(masses, weights, size):
-    """Return the mass that values `masses` (modes,) at the Gauss points across a cell of a `size` stand for."""
-    total = 0.0
-    for q in range(len(masses)):
-        total += masses[q] * weights[q]
-    return total * size
-
-
-@kernel
-def _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis):
-    """Write to `moved` the values (cells, lines, modes) of row r after a shear of the angle."""
-    source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
-    column, j, masses = r // across, r % across, np.zeros(len(basis))
-    remap_row(r, values, source, target, remap, moved, basis)
+def _set_ends(row, cells, exits, weights, size):
+    """Write what a mass at the Gauss points is worth that has left to the end cells of a row within `cells` (2,)."""
     for end in range(2):
-        if mass_past_end(r, end, values, source, remap, masses):
-            if end == column:
-                overturned[column, j] += _integral_across(masses, tables.weights, tables.velocity_sizes[j])
-            else:
-                clamp_to_end(end, masses, target, tables.ends, tables.angle_sizes, moved)
+        c = end * (len(row) - 1)
+        for q in range(len(weights) if cells[0] <= c < cells[1] else 0):
+            for i in range(len(weights)):
+                row[c, q, i] = exits[end] * weights[q] * weights[i] * size
 
 
 @kernel
-def _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, moved, basis):
-    """Add to `moved` the values (cells, lines, modes) of a function on row r before a shear of the angle."""
-    source, target, across = rows.sources[r], rows.targets[r], len(tables.velocity_sizes)
-    column, j, end_values = r // across, r % across, np.zeros(len(basis))
-    adjoint_remap_row(r, values, source, target, remap, moved, basis)
+def _collect_ends(t, row, cells, weights, size, left):
+    """Add the masses in the end cells of a row within `cells` (2,) to `left`, at t."""
     for end in range(2):
-        if end == column:
-            end_values[:] = exit_values[column] * tables.weights * tables.velocity_sizes[j]
-        else:
-            adjoint_clamp_to_end(end, values, target, tables.ends, tables.angle_sizes, end_values)
-        adjoint_mass_past_end(r, end, end_values, source, remap, moved)
+        c = end * (len(row) - 1)
+        for q in range(len(weights) if cells[0] <= c < cells[1] else 0):
+            for i in range(len(weights)):
+                left[end, t] += row[c, q, i] * weights[q] * weights[i] * size
 
 
 @kernel
-def _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis):
-    """Write to `out` the values of row r (side, velocity cell) after the first shear of the angle."""
-    (limit, across), modes = free.shape, len(basis)
-    j, source = r % across, rows.sources[r]
-    values, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
-    for c in range(source[0], source[1]):
-        if free[c, j]:
-            _transform(coefficients[c, j], tables.to_values, values[c], basis)
-    _shear_angle_row(r, values, rows, remap, tables, moved, overturned, basis)
-    _write_row(j, moved, rows.targets[r], out, basis)
+def _shear_row(r, t, row, source, target, remap, exits, weights, size, moved, left, basis):
+    """Remap row r, with its end cells, to `moved`; its cells are of a `size` across, and `left` has it at t."""
+    _set_ends(row, source, exits, weights, size)
+    remap_row(r, row, source, target, remap, moved, basis)
+    _collect_ends(t, moved, target, weights, size, left)
 
 
 @kernel
-def first_angle_shear(begin, stop, rows, coefficients, free, remap, tables, out, overturned, basis):
-    """Write to `out` values (angle cells, velocity cells, modes, modes) at Gauss points after the first shear."""
-    rows, coefficients, free, remap, tables, out, overturned = borrowed(
-        (rows, coefficients, free, remap, tables, out, overturned)
+def shear_coefficients(begin, stop, rows, coefficients, cells, remap, tables, exits, out, left, basis):
+    """Shear the angle of `coefficients` (the space's shape) in the mask `cells`; write values, by angle cell."""
+    rows, coefficients, cells, remap, tables, exits, out, left = borrowed(
+        (rows, coefficients, cells, remap, tables, exits, out, left)
     )
+    (limit, across), modes = cells.shape, len(basis)
     for n in range(begin, stop):
         r = rows.order[n]
-        _first_angle_row(r, coefficients, free, rows, remap, tables, out, overturned, basis)
+        j, source, target = r % across, rows.sources[r], rows.targets[r]
+        row, moved = np.zeros((limit + 2, modes, modes)), np.zeros((limit + 2, modes, modes))
+        for c in range(max(source[0], 1), min(source[1], limit + 1)):
+            if cells[c - 1, j]:
+                _transform(coefficients[c - 1, j], tables.to_values, row[c], basis)
+        size = tables.velocity_sizes[j]
+        _shear_row(r, j, row, source, target, remap, exits, tables.weights, size, moved, left, basis)
+        _write_row(j, moved, target, out, basis)
 
 
 @kernel
-def adjoint_first_angle_shear(begin, stop, rows, values, free, remap, tables, exit_values, out, basis):
-    """Write to `out` the coefficients of a function in the free cells, by values after the first shear."""
-    rows, values, free, remap, tables, exit_values, out = borrowed(
-        (rows, values, free, remap, tables, exit_values, out)
+def shear_velocity(begin, stop, rows, values, first_remap, second_remap, tables, exits, out, left, basis):
+    """Remap the velocity twice, by `values` of `shear_coefficients`; write values, by velocity cell."""
+    rows, values, first_remap, second_remap, tables, exits, out, left = borrowed(
+        (rows, values, first_remap, second_remap, tables, exits, out, left)
     )
-    (limit, across), modes = free.shape, len(basis)
-    for n in range(begin, stop):
-        r = rows.order[n]
-        j, source = r % across, rows.sources[r]
-        now, moved = np.zeros((limit, modes, modes)), np.zeros((limit, modes, modes))
-        _read_row(j, values, rows.targets[r], now, basis)
-        _adjoint_shear_angle_row(r, now, rows, remap, tables, exit_values, moved, basis)
-        for c in range(source[0], source[1]):
-            if free[c, j]:
-                area = tables.angle_sizes[c] * tables.velocity_sizes[j]
-                _transform(moved[c] / area, tables.to_values.T, out[c, j], basis)
-
-
-@kernel
-def _velocity_row(c, values, rows, velocity_remap, diffusion_remap, tables, out, basis):
-    """Write to `out` row c, an angle cell, after shear and diffusion of the velocity; return the truncated mass."""
-    (across, modes, _), truncated, size = values.shape, 0.0, tables.angle_sizes[c]
-    source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
-    now, moved, masses = np.zeros((across, modes, modes)), np.zeros((across, modes, modes)), np.zeros(modes)
-    remap_row(c, values, source, sheared, velocity_remap, now, basis)
-    remap_row(c, now, sheared, target, diffusion_remap, moved, basis)
-    for end in range(2):
-        if mass_past_end(c, end, values, source, velocity_remap, masses):
-            truncated += _integral_across(masses, tables.weights, size)
-        if mass_past_end(c, end, now, sheared, diffusion_remap, masses):
-            truncated += _integral_across(masses, tables.weights, size)
-    _write_row(c, moved, target, out, basis)
-    return truncated
-
-
-@kernel
-def velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, out, truncated, basis):
-    """Write values after shear and diffusion of the velocity to `out` (velocity cells, angle cells, modes, modes)."""
-    rows, values, velocity_remap, diffusion_remap, tables, out, truncated = borrowed(
-        (rows, values, velocity_remap, diffusion_remap, tables, out, truncated)
-    )
+    weights = tables.weights
     for n in range(begin, stop):
         c = rows.order[n]
-        truncated[c] = _velocity_row(c, values[c], rows, velocity_remap, diffusion_remap, tables, out, basis)
+        size, target = tables.angle_sizes[c], rows.targets[c]
+        between, moved = np.zeros(values[c].shape), np.zeros(values[c].shape)
+        _shear_row(
+            c, c, values[c], rows.sources[c], rows.first_targets[c], first_remap, exits, weights, size, between, left,
+            basis,
+        )  # fmt: skip
+        _shear_row(
+            c, c, between, rows.second_sources[c], target, second_remap, exits, weights, size, moved, left, basis
+        )
+        _write_row(c, moved, target, out, basis)
 
 
 @kernel
-def adjoint_velocity_shear(begin, stop, rows, values, velocity_remap, diffusion_remap, tables, exit_value, out, basis):
-    """Write to `out` (x cells, v cells, modes, modes) a function before shear and diffusion of the velocity."""
-    rows, values, velocity_remap, diffusion_remap, tables, out = borrowed(
-        (rows, values, velocity_remap, diffusion_remap, tables, out)
-    )
-    across, modes = values.shape[0], len(basis)
-    for n in range(begin, stop):
-        c = rows.order[n]
-        source, sheared, target = rows.sources[c], rows.sheared[c], rows.targets[c]
-        now, moved = np.zeros((across, modes, modes)), np.zeros((across, modes, modes))
-        end_values = exit_value * tables.weights * tables.angle_sizes[c]
-        _read_row(c, values, target, now, basis)
-        adjoint_remap_row(c, now, sheared, target, diffusion_remap, moved, basis)
-        for end in range(2):
-            adjoint_mass_past_end(c, end, end_values, sheared, diffusion_remap, moved)
-        adjoint_remap_row(c, moved, source, sheared, velocity_remap, out[c], basis)
-        for end in range(2):
-            adjoint_mass_past_end(c, end, end_values, source, velocity_remap, out[c])
-
-
-@kernel
-def _last_angle_row(r, values, rows, remap, tables, out, overturned, basis):
-    """Add to `out`, coefficients in the space's shape, those of row r (side, velocity cell) after the last shear."""
-    (across, limit), modes, target = values.shape[:2], len(basis), rows.targets[r]
-    j = r % across
-    moved, cell = np.zeros((limit, modes, modes)), np.zeros((modes, modes))
-    _shear_angle_row(r, values[j], rows, remap, tables, moved, overturned, basis)
-    for c in range(target[0], target[1]):
-        _transform(moved[c], tables.to_coefficients, cell, basis)
-        for a in range(modes):
-            for b in range(modes):
-                out[c, j, a, b] += cell[a, b]
-
-
-@kernel
-def last_angle_shear(begin, stop, rows, values, remap, tables, out, overturned, basis):
-    """Add coefficients after the last shear to `out` (the space's shape), masses past the cut-off to `overturned`."""
-    rows, values, remap, tables, out, overturned = borrowed((rows, values, remap, tables, out, overturned))
-    for n in range(begin, stop):
-        r = rows.order[n]
-        _last_angle_row(r, values, rows, remap, tables, out, overturned, basis)
-
-
-@kernel
-def adjoint_last_angle_shear(begin, stop, rows, function, remap, tables, exit_values, out, basis):
-    """Write to `out` (velocity cells, angle cells, modes, modes) a function's values before the last shear."""
-    rows, function, remap, tables, exit_values, out = borrowed((rows, function, remap, tables, exit_values, out))
-    (across, limit), modes = out.shape[:2], len(basis)
+def shear_values(begin, stop, rows, values, remap, tables, exits, out, left, basis):
+    """Shear the angle by `values` of `shear_velocity`; add coefficients to `out` (the space's shape)."""
+    rows, values, remap, tables, exits, out, left = borrowed((rows, values, remap, tables, exits, out, left))
+    across, modes = len(values), len(basis)
     for n in range(begin, stop):
         r = rows.order[n]
         j, target = r % across, rows.targets[r]
-        values = np.zeros((limit, modes, modes))
-        for c in range(target[0], target[1]):
-            area = tables.angle_sizes[c] * tables.velocity_sizes[j]
-            _transform(function[c, j] * area, tables.to_coefficients.T, values[c], basis)
-        _adjoint_shear_angle_row(r, values, rows, remap, tables, exit_values, out[j], basis)
+        moved, cell = np.zeros(values[j].shape), np.zeros((modes, modes))
+        size = tables.velocity_sizes[j]
+        _shear_row(r, j, values[j], rows.sources[r], target, remap, exits, tables.weights, size, moved, left, basis)
+        for c in range(max(target[0], 1), min(target[1], len(moved) - 1)):
+            _transform(moved[c], tables.to_coefficients, cell, basis)
+            for a in range(modes):
+                for b in range(modes):
+                    out[c - 1, j, a, b] += cell[a, b]

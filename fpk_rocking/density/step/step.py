@@ -1,7 +1,7 @@
 """A time step of the density as a linear map (transfer operator), and its adjoint, the step of the backward equation.
 
 Cells that no event can reach move in free flight (`free_flight`). From all others every Gauss point sends
-characteristics (`characteristics`), which end in cells (`targets`) where their mass is scattered (`scatter`). A density
+characteristics (`characteristics`), which end in cells where their mass is scattered (`scatter`). A density
 on the mesh is one of states that are displaced a little from the real ones (`free_flight`); paths are followed from
 real states to real ones (`trace_cells`). A step is set up once for its phase of the forcing and applied in every cycle.
 """
@@ -19,29 +19,37 @@ from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point, write_end
 from fpk_rocking.density.step.dynamics import Dynamics, GaussPoints, event_cells, points_of_cell
 from fpk_rocking.density.step.free_flight import FreeFlight, displaced
-from fpk_rocking.density.step.scatter import AffinePaths, Chunks, SourceCells, gather, scatter, sum_buffers
-from fpk_rocking.density.step.targets import Targets
+from fpk_rocking.density.step.scatter import AffinePaths, Chunks, SourceCells, Targets, gather, scatter, sum_buffers
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
+from fpk_rocking.physics.motion.equation import KernelBlock, Segment
 
 _four_polynomials = scratch(4, TERMS)
 
 
 @kernel
-def _trace_cell(i, j, points, segment, block, noise, displacement, ends, flags):
-    """Write `ends` (g, h, n, 2) and `flags` (g, h, n) of the paths of cell (i, j), see `trace_cells`."""
-    scratch, (side, x, v) = _four_polynomials(), points_of_cell(i, j, points)
-    for p in range(len(x)):
-        for q in range(len(v)):
-            xp, vq = displaced(x[p], v[q], side, 0.0, displacement, segment, block)
-            trace_point(xp, vq, side, segment, block, noise, scratch, ends[p, q], flags[p, q])
-            if displacement > 0.0:
-                _displace_back(segment, block, noise.duration, displacement, ends[p, q], flags[p, q])
+def _trace_cells(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
+    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`."""
+    cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
+    scratch = _four_polynomials()
+    for c in range(begin, end):
+        side, x, v = points_of_cell(cells[c, 0], cells[c, 1], points)
+        for p in range(len(x)):
+            for q in range(len(v)):
+                xp, vq, ends_here, flags_here = x[p], v[q], ends[c, p, q], flags[c, p, q]
+                if displacement > 0.0:
+                    xp, vq = displaced(xp, vq, side, 0.0, displacement, segment, block)
+                trace_point(xp, vq, side, segment, block, noise, scratch, ends_here, flags_here)
+                if displacement > 0.0:
+                    _displace_back(segment, block, noise.duration, displacement, ends_here, flags_here)
 
 
 @kernel
 def _displace_back(segment, block, duration, displacement, ends, flags):
-    """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1."""
+    """Replace the real `ends` (n, 2) of paths, in place, by states of the mesh, where `flags` (n,) are a side, ±1.
+
+    What is past the cut-off then has overturned.
+    """
     for n in range(len(ends)):
         side = flags[n]
         if abs(side) == 1:
@@ -49,27 +57,27 @@ def _displace_back(segment, block, duration, displacement, ends, flags):
             write_end(n, x, v, side, side, block.cutoff, ends, flags)
 
 
-@kernel
-def _trace_all(begin, end, cells, points, segment, block, noise, displacement, ends, flags):
-    """Write the ends and flags of the paths of the cells from number `begin` to `end`, see `trace_cells`."""
-    cells, points, segment, noise, ends, flags = borrowed((cells, points, segment, noise, ends, flags))
-    for c in range(begin, end):
-        _trace_cell(cells[c, 0], cells[c, 1], points, segment, block, noise, displacement, ends[c], flags[c])
+def trace_cells(cells, points: GaussPoints, segment: Segment, block: KernelBlock, noise: Noise, displacement=0.0):
+    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise.
 
-
-def trace_cells(cells, points, segment, block, noise, displacement=0.0):
-    """Return the ends of the characteristics of all Gauss points of some cells, one for each node of the noise."""
+    `cells` (m, 2) are indices of angle and velocity, `displacement` is that of states of the mesh from the real ones at
+    begin and end (`displaced`). For g and h Gauss points and n nodes the ends (m, g, h, n, 2) are angle and velocity;
+    with them come flags (m, g, h, n), the side there, -1 or 1, or an `Exit`, below these.
+    """
     shape = len(cells), len(points.angle_points), len(points.velocity_points), len(noise.nodes)
     ends, flags = np.empty((*shape, 2)), np.empty(shape, np.int32)
     parts = np.ascontiguousarray(cells), points, segment, block, noise, displacement, ends, flags
     path = TUNING.seconds_path if block.critical_angle is None else TUNING.seconds_exact_path
-    run_in_parts(_trace_all, len(cells), *parts, seconds=path * flags.size)
+    run_in_parts(_trace_cells, len(cells), *parts, seconds=path * flags.size)
     return ends, flags
 
 
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """Numbers of nodes of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of noise."""
+    """Numbers of nodes of a step: Gauss points of a cell in both axes, Gauss-Hermite nodes along both axes of noise.
+
+    `diffusion` nodes are those of the velocity in free flight: 15 end at 6.4 standard deviations, 9 at 4.5.
+    """
 
     angle: int
     velocity: int
@@ -79,7 +87,13 @@ class Quadrature:
 
 
 class Characteristics:
-    """The characteristics of one step from the Gauss points of its active cells, for any target mesh."""
+    """The characteristics of one step from the Gauss points of its active cells, for any target mesh.
+
+    Paths of the cells of a mask are traced at once. Where they end on another mesh, only a slender block that stays
+    below the cut-off goes there in affine flight: all cells of an exact one count as cells that an event can reach.
+    The `numbers` (angle cells, velocity cells) of the active `event_cells` are in the order in which these were traced,
+    those of all others are -1; `ends`, `flags` are those of the cells active at first, see `trace_cells`.
+    """
 
     def __init__(
         self,
@@ -113,16 +127,23 @@ class Characteristics:
         self.ends, self.flags = self.activate(np.full_like(self.event_cells, cells))
 
     def activate(self, cells):
-        """Add cells to those that the step moves; return (ends, flags) of the paths traced for that."""
+        """Add the cells of a mask to those that the step moves; return (ends, flags) of the paths traced for that."""
         new = np.argwhere(self.event_cells & cells & ~self.active)
         self.active |= cells
         self.numbers[new[:, 0], new[:, 1]] = self.numbers.max() + 1 + np.arange(len(new))
-        displacement = 0.0 if self.to_other_mesh else self.duration**2 / 24.0
+        displacement = 0.0 if self.to_other_mesh or not self.excess else self.duration**2 / 24.0
         return trace_cells(new, self.points, self._segment, self.dynamics.block, self._noise, displacement)
 
 
 class Step:
-    """The transfer operator of one step, from the coefficients of a density in one space to those in another."""
+    """The transfer operator of one step, from the coefficients of a density in one space to those in another.
+
+    Mass is conserved to rounding: what does not end on the target mesh is returned as absorbed, that is overturned (to
+    the left, to the right) or truncated, which is beyond the mesh or out of cells that are not active.
+
+    Steps of one run may share `buffers`, from `scatter_buffers`, and those that differ in a constant force alone an
+    `angle_remap`, from `free_flight.angle_remap_of`.
+    """
 
     def __init__(self, characteristics: Characteristics, target: Space, buffers=None, angle_remap=None):
         if not characteristics.to_other_mesh and target is not characteristics.source:
@@ -138,16 +159,19 @@ class Step:
         self._extend(characteristics.ends.copy(), characteristics.flags)
 
     def activate(self, cells):
-        """Add cells to those whose mass the step moves, by a mask (angle cells, velocity cells); return None."""
+        """Add the cells of a mask (angle cells, velocity cells) to those whose mass the step moves."""
         self._extend(*self.characteristics.activate(cells))
 
     @property
     def nbytes(self):
-        """Bytes, an int, of targets and own remaps."""
+        """Bytes of targets and own remaps. Buffers, characteristics and a shared angle remap are left out."""
         return self._targets.nbytes + (self._flight.nbytes if self._flight else 0)
 
     def _extend(self, ends, flags):
-        """Add the targets of traced paths, by `ends` and `flags` of `trace_cells`, and part the active cells."""
+        """Add the targets of traced paths, and divide the active cells in two; `ends` are overwritten.
+
+        Free cells fly where source and target are one mesh, all others are scattered.
+        """
         paths, target = self.characteristics, self.target
         self._targets = self._targets.extended(ends, flags, target.cell_searches, target.first_positive)
         self._flight, self._scattered = None, paths.active
@@ -164,7 +188,10 @@ class Step:
         self._columns = self._split()
 
     def apply(self, coefficients):
-        """(coefficients, masses): the density after the step, and what overturned left, right and was truncated."""
+        """Return (coefficients, masses): the density after the step, and what overturned left, right and was truncated.
+
+        The masses are (3,), or without diffusion (4,): the fourth came to rest.
+        """
         paths, source = self.characteristics, self.characteristics.source
         cells = SourceCells(self._scattered, source.areas, paths.numbers)
         chunks = Chunks(self._columns, self.buffers, self._absorbed)
@@ -181,7 +208,13 @@ class Step:
         return out, absorbed
 
     def apply_adjoint(self, values, exit_values):
-        """Return the mean, before the step, of a function of the state after it."""
+        """Return the mean, before the step, of a function of the state after it (backward equation, Koopman operator).
+
+        Adjoint of `apply` in L2: for every density p of the source, with ``after, absorbed = apply(p)``, the integral
+        of p times the result is the integral of `after` times the function, plus ``absorbed @ exit_values``, to
+        rounding. With 1 for the function and 0 for all exits it is the probability of not overturning.
+        `exit_values` (3,) are those of having overturned to the left, to the right, and of truncation.
+        """
         if self.target is not self.characteristics.source:
             raise ValueError(checks.refusal("target", self.target, "the mesh of the characteristics"))
         paths, exit_values = self.characteristics, np.asarray(exit_values, dtype=float)
@@ -197,7 +230,7 @@ class Step:
         return out
 
     def _split(self):
-        """Int array (chunks, 4): the source's columns, from and to, that each chunk reads, and the target's."""
+        """Return columns (chunks, 4), angle cells: from and to that a chunk reads, and from and to that it writes."""
         paths, (limit, across, *_) = self.characteristics, self.target.shape
         load = np.cumsum(self._scattered.sum(axis=1) + 1e-9)
         edges = np.searchsorted(load, load[-1] * np.arange(1, TUNING.chunks) / TUNING.chunks)
@@ -216,13 +249,16 @@ class Step:
 
 
 def scatter_buffers(target: Space):
-    """Return an array (chunks, target cells, modes²), not initialized: buffers of the steps that end on a mesh."""
+    """Return buffers (chunks, target cells, modes²) of the steps that end on a mesh, not initialized."""
     angle, velocity, modes, _ = target.shape
     return np.empty((TUNING.chunks, angle * velocity, modes * modes))
 
 
-def with_neighbours(cells):
-    """Return a mask (angle, velocity) of the cells of a mask of this shape, `cells`, and their neighbours."""
+def with_neighbours(cells: np.ndarray) -> np.ndarray:
+    """Return a mask of `cells`, a mask (angle, velocity), and their neighbours.
+
+    With these a growing density does not need new cells every time.
+    """
     grown = cells.copy()
     grown[1:] |= cells[:-1]
     grown[:-1] |= cells[1:]
@@ -231,8 +267,8 @@ def with_neighbours(cells):
     return grown
 
 
-def overlapping_cells(space, cells, other):
-    """Return a mask (..., angle, velocity) of the cells of a mesh `other` that overlap those of a mask of `space`."""
+def overlapping_cells(space: Space, cells: np.ndarray, other: Space) -> np.ndarray:
+    """Return a mask of the cells of the mesh `other` that overlap `cells`, a mask (..., angle, velocity) of `space`."""
     angle, velocity = (
         (theirs[:-1, None] < own[1:]) & (theirs[1:, None] > own[:-1])
         for theirs, own in zip(other.lines, space.lines, strict=True)
