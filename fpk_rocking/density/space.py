@@ -73,7 +73,7 @@ def velocity_bound(scene, diffusion):
 
 
 class CellSearch(NamedTuple):
-    """Tables that find the cell of a point in mesh lines, see `step.targets.locate_point`."""
+    """Tables that find the cell of a point in mesh lines, see `step.scatter.locate_point`."""
 
     lines: np.ndarray  # (cells + 1,)
     scales: np.ndarray  # (cells,)
