@@ -26,7 +26,7 @@ MAIN = load_scene("main")
 WHITE = MAIN.white_equivalent()
 RARE = MAIN.varied(noise={"variance": 0.03}).white_equivalent()
 RARE_OVERTURNED = 5.72e-4, 1.2e-5  # after two cycles: 4e6 paths of seed 77, and their standard error
-OVERTURNED = {1: 0.0, 4: 0.1371, 10: 0.522}  # by so many cycles of the main scene: 4e5 paths of seed 77
+OVERTURNED = {1: 0.0, 4: 0.1332, 10: 0.5204}  # by so many cycles of the main scene: 4e5 paths of seed 77
 
 
 def paths_of(scene, cycles, seed=1):
@@ -39,10 +39,9 @@ class Drawn(Paths):
     def __init__(self, share, path_s=1e-5, shift=0.0, scene=MAIN, seed=1):
         super().__init__(checked_run(scene, 1, 1, seed, None, 200))
         self.share, self.path_s, self.shift = share, path_s, shift
-        self.random, self.asked = np.random.default_rng(seed), []
+        self.random = np.random.default_rng(seed)
 
     def sample(self, until):
-        self.asked.append((self.overturned, self.paths))
         count = int(until) - self.paths
         side = np.where(self.random.random(count) < self.share, self.random.choice([-1, 1], count), 0)
         self.add(side, np.where(side != 0, 0.5 * self.run.times[-1], np.nan))
@@ -57,7 +56,7 @@ class Drawn(Paths):
 
 @pytest.mark.parametrize("cycles", [1, 4, 10])
 def test_sampling_stops_at_the_wanted_error_and_covers(cycles):
-    """Of 60 answers each, 95 % cover: fewer than 50 do with a probability of 1e-3."""
+    """Of 60 answers each, 95 % cover: fewer than 50 do with a probability of 2e-4."""
     answers = [probability(MAIN, cycles=cycles, tol=0.02, seed=seed) for seed in range(60)]
     assert all(answer.error <= 0.02 == answer.wanted and answer.verdict == "ok" for answer in answers)
     assert sum(abs(answer.overturned - OVERTURNED[cycles]) <= answer.error for answer in answers) >= 50
