@@ -128,31 +128,28 @@ def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, 
             ) from error
 
 
-def _rows_from_executor(executor, task, jobs, options):
+def _rows_from_executor(executor, task, jobs, options, attempt=1):
     """Yield the rows of jobs as they end. Those that the executor cannot run are tried again alone, once."""
-    futures = {executor.submit(_run_on_one_thread, task, job, options, 1): job for job in jobs}
-    failed = []
+    started, failed = time.perf_counter(), []
+    # An executor that takes no more jobs raises here: that is no failure of a job.
+    futures = {executor.submit(_run_on_one_thread, task, job, options, attempt): job for job in jobs}
     try:
         for future in concurrent.futures.as_completed(futures):
             try:
                 yield future.result()
             except _EXECUTOR_ENDED:
                 raise
-            except Exception:  # noqa: BLE001  (a job that no worker survived, or one that stood in line behind it)
-                failed.append(futures[future])
+            except Exception as error:  # noqa: BLE001  (of a job that no worker survived, or of one behind it)
+                if attempt == 1:
+                    failed.append(futures[future])
+                else:
+                    reason = f"{type(error).__name__}: {line(error)}"
+                    yield futures[future].row(time.perf_counter() - started, {}, reason)
     finally:
         for future in futures:
             future.cancel()
     for job in failed:
-        started = time.perf_counter()
-        # An executor that takes no more jobs raises here: that is no failure of the job.
-        future = executor.submit(_run_on_one_thread, task, job, options, 2)
-        try:
-            yield future.result()
-        except _EXECUTOR_ENDED:
-            raise
-        except Exception as error:  # noqa: BLE001  (whatever it is: a row says so, and the sweep goes on)
-            yield job.row(time.perf_counter() - started, {}, f"{type(error).__name__}: {line(error)}")
+        yield from _rows_from_executor(executor, task, [job], options, attempt=2)
 
 
 def _rows_from_processes(count, task, jobs, options, alone=False):
