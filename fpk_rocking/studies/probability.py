@@ -233,7 +233,7 @@ def probability(
     A scene without noise has one path. Else paths are sampled, which predict the seconds that more paths take until the
     error is small enough. Under white noise the density (`solve_fpk`) or splitting (`montecarlo.split`) is taken where
     it is predicted to be sooner. Band noise and filtered noise act as they are. Whether the limit is enough is decided
-    within a tenth of it, or 2 s.
+    within a tenth of it, or 2 s. After an interruption from the keyboard the result is that of the paths so far.
 
     Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
     as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
@@ -255,22 +255,11 @@ def probability(
     rtol : float, optional
         Wanted error in parts of the probability, above 0. With both, the larger error is enough.
     limit_s : float
-        Seconds that the call may take. Where more are predicted it is refused before the work begins.
+        Seconds that the call may take. ValueError before the work begins where more are predicted.
     seed : int
         Seed of the random numbers, from 0 to 2**64 - 1.
     progress : callable, optional
         Called as ``progress(done, total)``.
-
-    Returns
-    -------
-    Probability
-        `overturned`, the probability by the last time, and its `error`; `left`, `right` and `errors` by row; `verdict`,
-        `method`. After an interruption from the keyboard what the paths until then say.
-
-    Raises
-    ------
-    ValueError
-        A parameter is refused, or the wanted error takes longer than `limit_s`.
 
     Examples
     --------

@@ -212,7 +212,7 @@ def sweep(
     """Run Monte Carlo, the density solver, or a function of your own on many scenes.
 
     The result is the same to the last bit for any number of workers: the random numbers of a scene depend on `seed` and
-    on its number in the sweep alone.
+    on its number in the sweep alone. A scene that fails, or ends its worker process, has a row with the reason.
 
     Parameters
     ----------
@@ -238,16 +238,8 @@ def sweep(
         Passed on: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes `cycles`
         or `times`, `tol`, `bins_tol` (inf, as rows hold survival alone) and `noise_replacement`.
 
-    Returns
-    -------
-    Sweep
-        Its `rows` have what the task returned. A scene that fails, or ends its worker process, has a row with the
-        reason.
-
     Raises
     ------
-    ValueError
-        A parameter is refused, or the store belongs to another sweep or to one that still runs.
     RuntimeError
         The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.
 

@@ -73,7 +73,7 @@ def checked(
     beside: Any = None,
     progress: Progress | None = None,
 ) -> Evolution:
-    """Measure the error of a density by the replacement of noise, with paths under the scene's noise.
+    """Return a density with its ``replacement``: its error by the replacement of noise, measured by paths.
 
     Parameters
     ----------
@@ -87,11 +87,6 @@ def checked(
         Taken in place of new paths if it is of the same scene and has 40,000 or more.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of paths.
-
-    Returns
-    -------
-    Evolution
-        The same density with its ``replacement``.
 
     Examples
     --------
