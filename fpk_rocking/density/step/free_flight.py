@@ -68,12 +68,12 @@ class FreeFlight:
         excess: Excess | None = None,
     ):
         sinh, shifts = flight_shears(duration)[1], affine.shifts
-        self.free, self._areas = free, space.areas[..., None, None]
+        self.free = free
         self._shear_seconds = TUNING.seconds_flight / 3.0 * np.count_nonzero(free) * (space.degree + 1) ** 2
         (limit, across), middle, degree = free.shape, min(space.first_positive, free.shape[0]), space.degree
         points, weights = gauss_legendre(degree + 1)
         table = legendre_at_gauss_points(degree + 1, degree)
-        self._tables = LineTables(
+        tables = LineTables(
             table, np.ascontiguousarray((table * weights[:, None]).T), weights,
             np.diff(space.angle_lines), np.diff(space.velocity_lines),
         )  # fmt: skip
@@ -125,14 +125,18 @@ class FreeFlight:
             VelocityRows(balanced_order(second), second, pushed, inside, diffused),
             AngleRows(balanced_order(third), third, target_range(*shear[:-1], third)),
         )
-        self._forward = rows, remaps, self._tables
+        self._forward = rows, remaps, tables
 
     @functools.cached_property
     def _backward(self):
-        """The rows, remaps and tables of the adjoint: all transposed, and the shears in reverse."""
-        rows, remaps, tables = self._forward
-        angle, push, spread = (remap.transposed() for remap in remaps)
-        return [type(part)(part.order, *part[:0:-1]) for part in rows[::-1]], (angle, spread, push), tables.transposed()
+        """The rows, remaps and tables of the adjoint: the shears in reverse, sources and targets exchanged."""
+        rows, (angle, push, spread), tables = self._forward
+        angle_sizes, velocity_sizes = (
+            np.pad(sizes, 1, constant_values=1.0) for sizes in (tables.angle_sizes, tables.velocity_sizes)
+        )
+        angle = angle.adjoint(angle_sizes, tables.weights)
+        push, spread = (remap.adjoint(velocity_sizes, tables.weights) for remap in (push, spread))
+        return [type(part)(part.order, *part[:0:-1]) for part in rows[::-1]], (angle, spread, push), tables
 
     @property
     def nbytes(self):
@@ -144,13 +148,11 @@ class FreeFlight:
         return self._fly(self._forward, coefficients, self.free, np.zeros(3), out)
 
     def apply_adjoint(self, function, exit_values, out):
-        """Write to `out`, in the free cells, the coefficients of a function before the step, by those after it.
+        """Add the coefficients of a function before the step, by those after it, to `out`: `apply`, adjoint in L2.
 
-        It is the adjoint of `apply` in L2; `exit_values` (3,) are those of the masses that it returns.
+        Only those of the free cells are right. `exit_values` (3,) are those of the masses that `apply` returns.
         """
-        before, everywhere = np.zeros(function.shape), np.ones_like(self.free)
-        self._fly(self._backward, function * self._areas, everywhere, exit_values, before)
-        out[self.free] = (before / self._areas)[self.free]
+        self._fly(self._backward, function, np.ones_like(self.free), exit_values, out)
 
     def _fly(self, way, coefficients, cells, exit_values, out):
         """Add the coefficients of `cells`, a mask, after the shears to `out`; return the masses (3,) that left."""

@@ -38,8 +38,11 @@ class Remap(NamedTuple):
     start: np.ndarray  # (target cells, lines): place of the first source cell's block
     blocks: np.ndarray  # (n, modes, modes): from values at the Gauss points of the source to those of the target
 
-    def transposed(self):
-        """Return the remap of the adjoint, from the target cells to the source cells."""
+    def adjoint(self, sizes, weights):
+        """Return the adjoint in L2, a remap from target to source cells; `weights` (modes,) of the Gauss points.
+
+        `sizes` (cells,) are those of all cells, end cells among them.
+        """
         origin, lines = origin_of(self.sources), self.first.shape[1]
         # Targets and source cells of a block; both ascend together, so that those of a source cell are consecutive.
         entry = np.repeat(np.arange(self.count.size), self.count.ravel())
@@ -53,8 +56,9 @@ class Remap(NamedTuple):
         start, first = np.cumsum(count) - count, np.zeros_like(count)
         first[count > 0] = target[order][start[count > 0]]
         first, count, start = (part.reshape(-1, lines) for part in (first, count, start))
-        blocks = np.ascontiguousarray(self.blocks[order].transpose(0, 2, 1))
-        return Remap(self.targets, self.sources, origin, first, count, start, blocks)
+        masses = np.outer(sizes, weights)
+        blocks = self.blocks[order].transpose(0, 2, 1) * masses[target[order], :, None] / masses[source[order], None]
+        return Remap(self.targets, self.sources, origin, first, count, start, np.ascontiguousarray(blocks))
 
 
 def prepare_remap(lines, bounds, shifts, spreads, nodes, weights, degree, source):

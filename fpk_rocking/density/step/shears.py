@@ -2,8 +2,8 @@
 
 A density in flight is held by its values at the Gauss points of the cells, (cells, cells of the row, modes, modes) with
 the row last: rows of velocity cells, of angle cells, and of velocity cells again. A row has an end cell at both ends
-(`remap`). In a flight these collect the mass that leaves. In the adjoint, with the order of the shears reversed and all
-tables transposed, they hold the values of having left.
+(`remap`). In a flight these collect the mass that leaves. In the adjoint, with the order of the shears reversed and the
+adjoints of all remaps, they hold the values of having left.
 
 Arguments: rows from number `begin` to `stop` in the order of `AngleRows` or `VelocityRows` are sheared; `exits` (2,)
 are values of having left at the lower and the upper end; `left` (2, rows), masses that left there, is added to.
@@ -28,11 +28,6 @@ class LineTables(NamedTuple):
     weights: np.ndarray  # (modes,) of the Gauss points
     angle_sizes: np.ndarray  # of the cells
     velocity_sizes: np.ndarray
-
-    def transposed(self):
-        """Return the tables of the adjoint."""
-        to_values, to_coefficients = map(np.ascontiguousarray, (self.to_coefficients.T, self.to_values.T))
-        return self._replace(to_values=to_values, to_coefficients=to_coefficients)
 
 
 class AngleRows(NamedTuple):
@@ -79,13 +74,12 @@ def _transform(cell, table, out, basis):
 
 
 @kernel
-def _set_ends(row, cells, exits, weights, size):
-    """Write what a mass at the Gauss points is worth that has left to the end cells of a row within `cells` (2,)."""
+def _set_ends(row, cells, exits):
+    """Write the values of having left to the end cells of a row within `cells` (2,)."""
     for end in range(2):
         c = end * (len(row) - 1)
-        for q in range(len(weights) if cells[0] <= c < cells[1] else 0):
-            for i in range(len(weights)):
-                row[c, q, i] = exits[end] * weights[q] * weights[i] * size
+        if cells[0] <= c < cells[1]:
+            row[c] = exits[end]
 
 
 @kernel
@@ -101,7 +95,7 @@ def _collect_ends(t, row, cells, weights, size, left):
 @kernel
 def _shear_row(r, t, row, source, target, remap, exits, weights, size, moved, left, basis):
     """Remap row r, with its end cells, to `moved`; its cells are of a `size` across, and `left` has it at t."""
-    _set_ends(row, source, exits, weights, size)
+    _set_ends(row, source, exits)
     remap_row(r, row, source, target, remap, moved, basis)
     _collect_ends(t, moved, target, weights, size, left)
 

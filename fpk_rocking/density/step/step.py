@@ -226,6 +226,7 @@ class Step:
             gather, len(cells), values.reshape(-1, self.buffers.shape[2]), exit_values, paths.points, paths.numbers,
             self._targets, paths.node_weights, cells, out, *self._bases, seconds=self._seconds,
         )  # fmt: skip
+        out[~paths.active] = 0.0
         out[~paths.active, 0, 0] = exit_values[2]
         return out
 
