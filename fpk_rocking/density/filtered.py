@@ -7,11 +7,7 @@ between the nodes, exactly. So the noise is constant over each step and has, fro
 Blocks whose impacts accumulate while the force cannot lift them off come to rest at x = v = 0, a point mass of each
 node. It is re-injected, on the side of f, in the first step in which |f| passes the level of lift-off.
 
-A block that starts at rest stays in the mass at rest of its node. From any other start, and from rest under a force
-that lifts the block off for certain, the flight is linear until something happens to the block: angle, velocity and the
-states of the filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and
-velocity. The mesh takes over when it resolves these, or else at the last step before anything can happen. So narrow a
-density of an exact block is taken as Gaussian too: see `filter_nodes.exact_moments`.
+A block that starts at rest stays in the mass at rest of its node; every other start is a `FilteredStart`.
 """
 
 import dataclasses
@@ -20,21 +16,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.precompilation import Task, start_helpers
+from fpk_rocking.base.precompilation import Task
 from fpk_rocking.density.filter_nodes import (
-    FilteredDiscretization,
     Nodes,
-    exact_moments,
-    filtered_discretization,
-    joint_covariance,
 )
-from fpk_rocking.density.patches import resolution_of
-from fpk_rocking.density.propagator import CyclicPropagator, PeriodicState, Snapshot, Solution
-from fpk_rocking.density.resolution import Discretization
-from fpk_rocking.density.space import Space, reflected
+from fpk_rocking.density.propagator import CyclicPropagator, PeriodicState, Solution
+from fpk_rocking.density.space import reflected
+from fpk_rocking.density.startup import FilteredStart, deposit_points
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import angle_remap_of
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, mark_massive_cells, with_neighbours
@@ -42,108 +32,8 @@ from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.physics.motion.events import advance_through_events
-from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
+from fpk_rocking.scene.least import KINDS, least_scenes
 from fpk_rocking.scene.parts import Start
-from fpk_rocking.scene.scene import Scene
-
-
-class FilteredStart:
-    """The Gaussian of angle, velocity and the filter's states, in a flight from the start in which nothing happens."""
-
-    def __init__(self, scene, nodes, dynamics):
-        self.scene, self.nodes, self.dynamics = scene, nodes, dynamics
-        start = scene.start
-        self._mean = np.array([start.angle, start.velocity])
-        self._covariance = np.zeros((2, 2)) if start.covariance is None else np.array(start.covariance)
-        push = self._mean[0] or self._mean[1] or scene.forcing.value(0.0)
-        self.side = 1 if push > 0.0 else -1
-        self._moments = None
-        if dynamics.block.critical_angle is not None:
-            self._moments = exact_moments(dynamics, nodes, self._mean, self._covariance, scene.period, self.side)
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether the block starts at rest and the noise decides when it is lifted off: a bool."""
-        if self._mean.any() or self._covariance.any():
-            return False
-        room = TUNING.filtered_reach * math.sqrt(self.scene.noise.variance)
-        return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
-
-    def at(self, time: float) -> tuple[Array, Array]:
-        """Return (mean, covariance), (2,) and (2 + states, 2 + states), at a `time` since τ = 0, nondimensional."""
-        if self._moments:
-            return self._moments(time)
-        flight = self.dynamics.affine(0.0, time)
-        mean = flight.matrix @ self._mean + flight.shifts[self.side]
-        return mean, joint_covariance(self.nodes, self._covariance, time)
-
-    def undisturbed(self, time: float) -> bool:
-        """Whether nothing can have happened by a `time`, a bool: the block is far from x = 0 and from the cut-off."""
-        mean, covariance = self.at(time)
-        reach = TUNING.filtered_reach * math.sqrt(covariance[0, 0])
-        return reach < self.side * mean[0] < self.dynamics.block.cutoff - reach
-
-    def takeover_step(self, space: Space, begins: Array) -> int:
-        """Return the number of the step before which the mesh takes over: resolved, or the last without an event."""
-        last = 0
-        for step, time in enumerate(begins[1:], 1):
-            if not self.undisturbed(time):
-                break
-            last = step
-            if self.resolution(time, space) >= TUNING.filtered_resolved:
-                break
-        return last
-
-    def resolution(self, time: float, space: Space) -> float:
-        """Block's least standard deviation, of angle or velocity, in sizes of the mesh cell its mean is in."""
-        mean, covariance = self.at(time)
-        return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)
-
-    def project(self, time: float, space: Space) -> tuple[Array, Array]:
-        """Return (densities, outflow) at a `time` on a mesh, a `Space`."""
-        mean, covariance = (
-            self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
-        )
-        slope = covariance[:2, 2:]
-        rest = covariance[:2, :2] - slope @ slope.T
-        points, weights = _points(rest)
-        out, outflow = np.zeros((*self.nodes.weights.shape, *space.shape)), np.zeros(3)
-        for place, weight in np.ndenumerate(self.nodes.weights):
-            states = points + mean + slope @ self.nodes.states[place][: slope.shape[1]]
-            outflow += deposit_points(space, states, weight * weights, self.side, out[place])
-        return out, outflow
-
-
-def _points(covariance):
-    """Return (points, weights), (n, 2) and (n,), that stand for a Gaussian about 0 of a covariance (2, 2)."""
-    values, axes = np.linalg.eigh(covariance)
-    lines, spacing = [], 0.1
-    for value in np.sqrt(np.maximum(values, 0.0)):
-        count = 60 if value > 0.0 else 0
-        lines.append(value * spacing * np.arange(-count, count + 1))
-    weights = [np.exp(-0.5 * np.square(spacing * (np.arange(len(line)) - len(line) // 2))) for line in lines]
-    weights = [weight / weight.sum() for weight in weights]
-    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
-    return grid @ axes.T, np.outer(*weights).ravel()
-
-
-def deposit_points(space: Space, states: Array, masses: Array, side: int, out: Array) -> Array:
-    """Add point masses (n,) at states (n, 2), angle and velocity, to the coefficients `out` of a density."""
-    cells, references = [], []
-    for lines, values in zip(space.lines, states.T, strict=True):
-        cell = np.searchsorted(lines, values, side="right" if side > 0 else "left") - 1
-        nearest = np.clip(cell, 0, len(lines) - 2)
-        references.append((values - lines[nearest]) / np.diff(lines)[nearest])
-        cells.append(cell)
-    (i, j), (limit, across) = cells, space.shape[:2]
-    beyond = [i < 0, i >= limit, (i >= 0) & (i < limit) & ((j < 0) | (j >= across))]
-    outflow = np.array([masses[where].sum() for where in beyond])
-    inside = ~(beyond[0] | beyond[1] | beyond[2])
-    i, j = i[inside], j[inside]
-    along, across = (legendre_basis(part[inside], space.degree) for part in references)
-    values = np.einsum("n,na,nb->nab", masses[inside] / space.areas[i, j], along, across)
-    np.add.at(out, (i, j), values)
-    return outflow
 
 
 class FilteredPropagator(CyclicPropagator):
@@ -164,12 +54,6 @@ class FilteredPropagator(CyclicPropagator):
         self.durations = np.diff(self.step_begins)
         self._transitions, self._lifted = {}, {}
         self.steps = [self._steps_at_nodes(k) for k in range(len(self.durations))]
-
-    @staticmethod
-    def adapted(scene: Scene, plane: Discretization, number: int) -> FilteredDiscretization:
-        """Return the `FilteredDiscretization`: the mesh of the plane, with nodes and steps of one resolution."""
-        start_helpers(REST[kind_of(scene.block)])
-        return filtered_discretization(scene, plane, number)
 
     def _follow(self, coarse):
         """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then."""
@@ -299,12 +183,11 @@ class FilteredPropagator(CyclicPropagator):
                 for step in steps:
                     step.activate(grown)
 
-    def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Return the `Snapshot`, density, outflow and mass at rest, of a `PeriodicState`, summed over all nodes."""
+    def density_of(self, state: PeriodicState) -> tuple[Array, Array, float, bool]:
+        """Return density, outflow and mass at rest of a state, summed over all nodes."""
         marginal = state.density.sum(axis=(0, 1))
-        return Snapshot(
-            reflected(marginal) if state.reflected else marginal, state.outflow, not_none(state.at_rest).sum()
-        )
+        density = reflected(marginal) if state.reflected else marginal
+        return density, state.outflow, not_none(state.at_rest).sum(), True
 
 
 @kernel

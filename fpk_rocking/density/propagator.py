@@ -7,6 +7,8 @@ cycle: its steps serve the other half too, with the density reflected, (x, v) ->
 """
 
 import abc
+import dataclasses
+import functools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar, NamedTuple
@@ -15,7 +17,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.density.patches import initial_density
-from fpk_rocking.density.resolution import Discretization, periods_per_cycle
+from fpk_rocking.density.resolution import Discretization, in_rest, periods_per_cycle
 from fpk_rocking.density.space import Space, reflected
 from fpk_rocking.density.startup import StartUp, takeover_step
 from fpk_rocking.density.step.dynamics import Dynamics
@@ -27,29 +29,65 @@ from fpk_rocking.density.step.step import (
     scatter_buffers,
     with_neighbours,
 )
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
 
-class Snapshot(NamedTuple):
-    """The density at one time, with the masses that it does not contain."""
+@dataclasses.dataclass
+class Solution:
+    """A density at all times that are asked for, the rows of its arrays, by a propagator at one resolution."""
 
-    coefficients: Array
-    outflow: Array  # (3,)
-    at_rest: float = 0.0
-    resolved: bool = True
-    reinjected: float = 0.0
-
-
-class Solution(NamedTuple):
-    """A density at all times that are asked for: the rows of its arrays."""
-
+    propagator: Any
     survival: Array  # (rows,)
     outflow: Array  # (rows, 3)
     coefficients: Array  # (rows, *space.shape)
-    at_rest: Array | None
+    at_rest: Array | None  # (rows,)
     resolved: Array  # (rows,)
     reinjected: float = 0.0
+    edges: Any = None
+    seconds: float = 0.0
+
+    def release(self) -> Any:
+        """Drop the density, keep what is compared, and give the propagator away: to a finer solution."""
+        self.bins, self.negative_mass, self.memory  # noqa: B018  (computed while there is a density)
+        propagator, self.propagator, self.coefficients = self.propagator, None, None
+        return propagator
+
+    @functools.cached_property
+    def memory(self) -> float:
+        """Bytes that the propagator took."""
+        return self.propagator.memory
+
+    @functools.cached_property
+    def bins(self) -> Array:
+        """Probabilities (rows, bins) in the bins between `edges`; those at rest are one bin."""
+        bins = self.propagator.space.bin_integrals(self.coefficients, *self.edges)
+        if self.at_rest is not None:
+            bins += self.at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=self.edges)[0]
+        resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in self.edges))
+        return np.column_stack([bins[:, ~resting], bins[:, resting].sum(axis=1)])
+
+    @functools.cached_property
+    def negative_mass(self) -> float:
+        """Worst negative mass of the resolved densities of moving blocks."""
+        space = self.propagator.space
+        moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))[:, :, None, None]
+        densities = self.coefficients[self.resolved]
+        return max((space.negative_mass(np.where(moving, density, 0.0)) for density in densities), default=0.0)
+
+    @property
+    def quantity(self) -> Array:
+        """Survival, overturned to the left and to the right, (rows, 3)."""
+        return np.column_stack([self.survival, self.outflow[:, :2]])
+
+    def error(self, difference: float, bins_difference: float) -> float:
+        """Error of survival: its estimate, raised by what is truncated, negative probability, bins and rest."""
+        rested = self.reinjected if self.at_rest is None else self.at_rest[1:].max()
+        scale = TUNING.rest_error_factor if rested > difference else 1.0
+        truncated = float(np.abs(self.outflow[:, 2]).max())
+        negative = -float(min(self.quantity.min(), (1.0 - self.survival).min()))
+        return max(scale * difference, TUNING.bins_part * bins_difference, truncated, negative)
 
 
 class Propagator(abc.ABC):
@@ -68,11 +106,6 @@ class Propagator(abc.ABC):
         self.space = Space(plane.angle_lines, plane.velocity_lines, plane.degree)
         self.buffers = scatter_buffers(self.space)
 
-    @staticmethod
-    def adapted(scene: Scene, plane: Discretization, number: int) -> Any:  # noqa: ARG004  (as of other kinds)
-        """Discretization for the constructor, from `plane`, mesh and steps of the plane at one resolution."""
-        return plane
-
     @abc.abstractmethod
     def initial_state(self, start: Start, times: Array) -> Any:
         """Return the first state from the start on whose density the mesh resolves; its class is the subclass's."""
@@ -82,8 +115,8 @@ class Propagator(abc.ABC):
         """Return the state after one step or more, not later than `latest`, a time at which a step ends."""
 
     @abc.abstractmethod
-    def snapshot(self, state: Any) -> Snapshot:
-        """Return the `Snapshot` of a state: coefficients of its density, its outflow and its mass at rest."""
+    def density_of(self, state: Any) -> tuple[Array, Array, float, bool]:
+        """Return (coefficients, outflow, mass at rest, whether the mesh resolves the density) of a state."""
 
     def states(self, times: Array, start: Start) -> Iterator[Any]:
         """Yield the first state that the mesh resolves and the state after every step, to the last of the times."""
@@ -100,18 +133,20 @@ class Propagator(abc.ABC):
         """Propagate the density from the start of the scene to all times that are asked for."""
         rows, row, start = len(times), 1, start or self.scene.start
         coefficients, outflow = np.zeros((rows, *self.space.shape)), np.zeros((rows, 3))
-        survival, at_rest, resolved, reinjected = np.ones(rows), np.zeros(rows), np.zeros(rows, dtype=bool), 0.0
+        survival, at_rest, resolved = np.ones(rows), np.zeros(rows), np.zeros(rows, dtype=bool)
         coefficients[0], outflow[0, :2] = initial_density(start, self.space, self.scene.overturning.angle)
         survival[0] -= outflow[0].sum()
         at_rest[0] = float(self.rests_exactly and not (start.angle or start.velocity or start.covariance))
         for state in self.states(times, start):
             if _reached(state, times[row]):
-                coefficients[row], outflow[row], at_rest[row], resolved[row], reinjected = self.snapshot(state)
+                coefficients[row], outflow[row], at_rest[row], resolved[row] = self.density_of(state)
                 survival[row] = self.space.masses(coefficients[row]).sum() + at_rest[row]
                 row += 1
                 if progress:
                     progress()
-        return Solution(survival, outflow, coefficients, at_rest if self.rests_exactly else None, resolved, reinjected)
+        reinjected = getattr(state, "reinjected", 0.0)
+        resting = at_rest if self.rests_exactly else None
+        return Solution(self, survival, outflow, coefficients, resting, resolved, reinjected)
 
 
 def _reached(state, time):
@@ -227,6 +262,6 @@ class PeriodicPropagator(CyclicPropagator):
             step.activate(with_neighbours(self.active[k]))
         return *step.apply(state.density), None
 
-    def snapshot(self, state: PeriodicState) -> Snapshot:
-        """Return the `Snapshot`, density and outflow, of a `PeriodicState`, reflected back if it is a mirror image."""
-        return Snapshot(reflected(state.density) if state.reflected else state.density, state.outflow)
+    def density_of(self, state: PeriodicState) -> tuple[Array, Array, float, bool]:
+        """Return density and outflow of a state, reflected back if it is a mirror image; nothing rests."""
+        return reflected(state.density) if state.reflected else state.density, state.outflow, 0.0, True

@@ -1,34 +1,40 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start to the wanted times and to a tolerance."""
 
 import math
+import sys
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import ArrayLike, Progress
+from fpk_rocking.base.checks import Array, ArrayLike, Progress, not_none
 from fpk_rocking.base.precompilation import Task, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
-from fpk_rocking.density.filtered import FilteredPropagator
-from fpk_rocking.density.notices import (
-    announce,
-    announce_finer,
-    estimated_seconds,
-    refuse_large,
-    refuse_slow,
-    refuse_unsolvable,
-    warn_beyond,
-)
+from fpk_rocking.density.filter_nodes import filtered_discretization, spread_left
+from fpk_rocking.density.filtered import REST, FilteredPropagator
 from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, ProgressCount, refine
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, bins_tolerance, explore, in_rest, resolutions_for
+from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
+from fpk_rocking.density.resolution import (
+    RESOLUTIONS,
+    USUAL,
+    Discretization,
+    bins_tolerance,
+    cycle_of,
+    explore,
+    periods_per_cycle,
+    resolutions_for,
+)
 from fpk_rocking.density.space import Space, graded_lines, velocity_bound
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import FreeFlight
+from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import describe_replacement
+from fpk_rocking.scene import ranges
 from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
 from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
@@ -116,14 +122,14 @@ def solve_fpk(
     announce(solved, meshes[:SOLUTIONS], times, tol)
 
     def solve(mesh, coarser):
-        return _solve_level(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
+        return _solve(solved, mesh, tol, times, motion.edges, coarser, count.start_solution())
 
-    def fits(level, mesh):
-        before = level.solution[0].discretization
-        needed = level.memory * mesh.memory / before.memory + mesh.stored(advances)
+    def fits(solution, mesh):
+        before = solution.propagator.discretization
+        needed = solution.memory * mesh.memory / before.memory + mesh.stored(advances)
         if needed > (TUNING.finer_filtered if filtered else TUNING.finer_white):
             return False
-        announce_finer(solved, before, mesh, times, level.seconds)
+        announce_finer(solved, before, mesh, times, solution.seconds)
         return True
 
     def is_done(refined):
@@ -131,7 +137,8 @@ def solve_fpk(
 
     refined = refine(meshes, solve, fits, is_done, coarser)
 
-    propagator, fine = refined.fine.solution
+    fine = refined.solutions[-1]
+    propagator = fine.propagator
     at_rest = fine.at_rest
     unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
     result = Evolution(
@@ -146,10 +153,10 @@ def solve_fpk(
         truncated=fine.outflow[:, 2],
         error_estimate=refined.error,
         bins_error_estimate=refined.bins_error,
-        rest_error_estimate=_rest_error(refined.levels),
+        rest_error_estimate=_rest_error(refined.solutions),
         mass_defect=float(np.abs(fine.survival + fine.outflow.sum(axis=1) - 1.0).max()),
         negative_mass=max(map(propagator.space.negative_mass, fine.coefficients[fine.resolved]), default=0.0),
-        moving_negative_mass=refined.fine.negative_mass,
+        moving_negative_mass=fine.negative_mass,
         wall_s=time.perf_counter() - begin,
         settings=propagator.discretization.settings
         | {"unknowns": propagator.space.unknowns, "velocity_bound": float(propagator.space.velocity_lines[-1])}
@@ -221,72 +228,40 @@ def _discretizations(scene, white, motion, resolutions):
         diffusion = max(equivalent_diffusion(scene.noise), scene.noise.variance * scene.noise.space.inward_variance)
     # Blocks that are bound to overturn, but have not yet, may be faster than the bound.
     bound = max(velocity_bound(white, diffusion), 1.1 * motion.fastest)
-    planes, kind = [resolution.adapted(white, bound, motion) for resolution in resolutions], propagator_for(scene)
+    planes = [resolution.adapted(white, bound, motion) for resolution in resolutions]
+    if scene.noise.kind != "filtered":
+        return planes
+    start_helpers(REST[kind_of(scene.block)])
     first = len(RESOLUTIONS) - len(resolutions)
-    return [kind.adapted(scene, plane, number) for number, plane in enumerate(planes, first)]
+    return [filtered_discretization(scene, plane, number) for number, plane in enumerate(planes, first)]
 
 
-def _solve_level(scene, discretization, tol, times, edges, coarser, progress):
-    """Solve at one resolution; of the coarser level, drop all that error estimates do not need."""
-    begin, coarse = time.perf_counter(), None
-    if coarser:
-        coarse, densities = coarser.solution
-        coarser.solution = None, densities._replace(coefficients=None)
+def _solve(scene, discretization, tol, times, edges, coarser, progress):
+    """Return the `Solution` at one resolution, for times (rows,); it starts from what the coarser one found."""
+    begin = time.perf_counter()
+    coarse = coarser.release() if coarser else None
     propagator = propagator_for(scene)(scene, discretization, TUNING.negligible_mass * tol, coarse)
     del coarse
     solution = propagator.propagate(times, progress)
-    return _level_of(propagator, solution, edges, time.perf_counter() - begin)
+    solution.edges, solution.seconds = edges, time.perf_counter() - begin
+    return solution
 
 
-def _level_of(propagator, solution, edges, seconds=0.0):
-    """Return the `Level` of a `Solution`: survival and both sides, and binned densities in which rest is one bin."""
-    space, densities, at_rest = propagator.space, solution.coefficients, solution.at_rest
-    bins = space.bin_integrals(densities, *edges)
-    if at_rest is not None:
-        bins += at_rest[:, None, None] * np.histogram2d([0.0], [0.0], bins=edges)[0]
-    resting = in_rest(*(0.5 * (line[1:] + line[:-1]) for line in edges))
-    bins = np.column_stack([bins[:, ~resting], bins[:, resting].sum(axis=1)])
-    moving = ~in_rest(*(0.5 * (line[1:] + line[:-1]) for line in space.lines))[:, :, None, None]
-    negative = [
-        space.negative_mass(np.where(moving, coefficients, 0.0)) for coefficients in densities[solution.resolved]
-    ]
-    rested = solution.reinjected if at_rest is None else at_rest[1:].max()
-    truncated = float(np.abs(solution.outflow[:, 2]).max())
-    probabilities = np.column_stack([solution.survival, 1.0 - solution.survival, solution.outflow[:, :2]])
-    negative_probability = -float(probabilities.min())
-
-    def error(difference, bins_difference):
-        scale = TUNING.rest_error_factor if rested > difference else 1.0
-        return max(scale * difference, TUNING.bins_part * bins_difference, truncated, negative_probability)
-
-    return Level(
-        solution=(propagator, solution),
-        quantity=probabilities[:, [0, 2, 3]],
-        bins=bins,
-        resolved=solution.resolved,
-        error=error,
-        negative_mass=max(negative, default=0.0),
-        memory=propagator.memory,
-        seconds=seconds,
-    )
-
-
-def _rest_error(levels):
-    """Return the estimated error of the probability of being at rest, a float; 0.0 where nothing can rest."""
-    propagator, solution = levels[-1].solution
-    if solution.at_rest is None:
+def _rest_error(solutions):
+    """Return the estimated error of the probability of being at rest; 0.0 where nothing can rest."""
+    fine = solutions[-1]
+    if fine.at_rest is None:
         return 0.0
-    before = [level.solution[1].at_rest for level in levels[-2:-4:-1]]
-    differences = [float(np.abs(solution.at_rest - rest).max()) for rest in before]
+    differences = [float(np.abs(fine.at_rest - coarser.at_rest).max()) for coarser in solutions[-2:-4:-1]]
     extrapolated = max(differences[k] / (1.4 ** (k + 1) - 1.0) for k in (0, 1))
-    return extrapolated + propagator.node_error * float(solution.at_rest[1:].max())
+    return extrapolated + fine.propagator.node_error * float(fine.at_rest[1:].max())
 
 
 def _is_stagnated(refined):
     """Whether the density of a `Refined` will not be resolved by the finer solutions that are left: a bool."""
-    if len(refined.levels) <= SOLUTIONS:
+    if len(refined.solutions) <= SOLUTIONS:
         return False
-    now, before = refined.fine.negative_mass, refined.coarse.negative_mass
+    before, now = (solution.negative_mass for solution in refined.solutions[-2:])
     ratio = min(now / before, TUNING.negative_mass_ratio) if before > 0.0 else TUNING.negative_mass_ratio
     limit = TUNING.unresolved_negative_mass
     return now > limit and now * ratio ** (2 * refined.finer) > limit
@@ -301,6 +276,104 @@ def _refuse_unresolved(result):
             f"the finest (negative mass {negative:.1e}), accepted: up to {limit}; the noise, of diffusion "
             f"{result.diffusion:.3g}, is too weak, or filtered noise too slow: use Monte Carlo"
         )
+
+
+def refuse_unsolvable(scene: Scene) -> None:
+    """Raise ValueError for a scene that the density solver cannot take, else return None."""
+    ranges.check(scene)
+    noise = scene.noise
+    if noise.kind == "filtered":
+        reason = "the density under filtered noise, which lifts a block off to both sides at one level of the force"
+        scene.block.require_symmetric(reason, "use Monte Carlo, or white noise")
+    if noise.kind == "filtered" and noise.space.order > 2:
+        accepted = (
+            "filters of up to 2 states, each of which is one more variable of the density; use Monte "
+            "Carlo, simulate(), or scene.white_equivalent(), white noise of equal Melnikov variance"
+        )
+        raise ValueError(f"noise.filter: got {noise.filter} ({noise.space.order} states), accepted: {accepted}")
+    if (noise.diffusion if noise.kind == "white" else noise.variance) == 0.0:
+        accepted = "noise of a variance or diffusion above 0, as without noise there is no density; use Monte Carlo"
+        raise ValueError(f"noise: got none, accepted: {accepted}")
+    if noise.kind == "white" and math.prod(scene.block.restitution_by_side) <= CRITICAL_RESTITUTION**2:
+        accepted = (
+            f"above {CRITICAL_RESTITUTION:.5f} under white noise, as at or below that impacts accumulate in finite "
+            "time and the motion after them is not defined; use Monte Carlo under band noise, or "
+            "noise_replacement='filtered'"
+        )
+        raise ValueError(checks.refusal("block.restitution", scene.block.restitution, accepted))
+
+
+def refuse_slow(scene: Scene) -> None:
+    """Raise ValueError for a scene with noise so slow that a start of small spread stays a curve; else return None."""
+    noise = scene.noise
+    if noise.kind != "filtered":
+        return
+    time = max(not_none(scene.period), TUNING.spreading_time)
+    wanted = TUNING.spread_left_of_one if noise.space.order == 1 else TUNING.spread_left_of_two
+    faster = 1.0
+    while spread_left(noise.scaled(1.0, faster), scene.start.covariance, time) < wanted:
+        faster *= 1.05
+    if faster > 1.0:
+        frequency = noise.frequency
+        least = f"{frequency * faster:.2g}" if frequency is not None else f"{faster:.2g} times as fast"
+        accepted = (
+            f"at least about {least} with this filter, start and period, as under slower noise the density is too "
+            "narrow for any mesh; use Monte Carlo"
+        )
+        name, value = ("noise.frequency", frequency) if frequency is not None else ("noise.filter", noise.filter)
+        raise ValueError(checks.refusal(name, value, accepted))
+
+
+def refuse_large(needed: float, stored: float, scene: Scene, rows: int) -> None:
+    """Raise ValueError for too many bytes: `needed` by a solution, `stored` of its density at all `rows` times."""
+    largest = TUNING.largest_filtered if scene.noise.kind == "filtered" else TUNING.largest_white
+    if needed > largest:
+        raise ValueError(
+            f"scene: got a mesh and time steps that take {needed:.1e} bytes, accepted: up to {largest:g}; stronger "
+            "noise, a shorter period or a smaller overturning angle need less, or use Monte Carlo"
+        )
+    if needed + stored > largest:
+        accepted = f"fewer, as the densities after all of them would take {stored:.1e} bytes, more than {largest:g}"
+        raise ValueError(checks.refusal("number of times" if scene.period is None else "cycles", rows, accepted))
+
+
+def estimated_seconds(scene: Scene, discretization: Discretization, times: Array) -> float:
+    """Seconds of one processor that a solution takes, to about a factor of two."""
+    space = Space(discretization.angle_lines, discretization.velocity_lines, discretization.degree)
+    dynamics, rule = Dynamics.of(scene), discretization.quadrature
+    duration = cycle_of(scene) / discretization.steps
+    # The cells that events can reach are counted in eight of the steps.
+    begins = np.linspace(0.0, scene.period or times[-1], 8, endpoint=False)
+    traces = [Characteristics(space, begin, duration, dynamics, rule, cells=False) for begin in begins.tolist()]
+    paths = np.mean([trace.event_cells.sum() for trace in traces]) * rule.angle * rule.velocity * rule.long * rule.short
+    steps = times[-1] / duration
+    different = discretization.steps / periods_per_cycle(scene) if scene.repeats else steps
+    path = TUNING.seconds_exact_path if scene.block.critical_angle else TUNING.seconds_path
+    preparation = paths * path + space.unknowns * TUNING.seconds_preparation
+    application = paths * TUNING.seconds_deposit + space.unknowns * TUNING.seconds_flight
+    return float(TUNING.seconds_startup + different * preparation + steps * application)
+
+
+def announce(scene: Scene, discretizations: Sequence[Discretization], times: Array, tol: float) -> None:
+    """Print to standard error the estimated time of some solutions, if long, and of the sampling that replaces them."""
+    if scene.noise.kind != "white":
+        return
+    seconds = sum(estimated_seconds(scene, discretization, times) for discretization in discretizations)
+    if seconds >= TUNING.long_seconds:
+        rounded, paths = float(f"{seconds:.1g}"), 10 ** math.ceil(math.log10(0.25 / tol**2) - 1e-9)
+        sys.stderr.write(
+            f"density: about {rounded:,.0f} s of one processor, more where the tolerance asks for a finer solution; "
+            f"{paths:,} sampled paths give a standard error of {0.5 / math.sqrt(paths):.1g}\n"
+        )
+
+
+def announce_finer(scene: Scene, before: Discretization, finer: Discretization, times: Array, taken: float) -> None:
+    """Print to standard error the estimated time of a finer solution, if long, by that of the one before."""
+    if scene.noise.kind != "white":
+        return
+    seconds = taken * estimated_seconds(scene, finer, times) / estimated_seconds(scene, before, times)
+    if seconds >= TUNING.long_seconds:
+        sys.stderr.write(f"density: the tolerance asks for a finer solution, about {float(f'{seconds:.1g}'):,.0f} s\n")
 
 
 FREE_FLIGHT = Task(f"{__name__}:compile_free_flight", 15)

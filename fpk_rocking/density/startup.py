@@ -5,6 +5,11 @@ follow the density and grow with it. While nothing can happen to the block the d
 Next to x = 0 it is not: at rest under |f| > 1 noise beats drift until about t* = D / (|f| - 1)^2, the block rattles
 through x = 0 and only then lifts off; under |f| <= 1 it keeps rattling. There steps are in proportion to the time
 elapsed.
+
+Under filtered noise (`FilteredStart`) the flight is linear until something happens to the block: angle, velocity and
+the states of the filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and
+velocity. The mesh takes over when it resolves these, or else at the last step before anything can happen. So narrow a
+density of an exact block is taken as Gaussian too: see `filter_nodes.exact_moments`.
 """
 
 import math
@@ -13,7 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.patches import Gaussian, cell_size, exact_flight, next_patch, patch_of
+from fpk_rocking.base.basis import legendre_basis
+from fpk_rocking.base.checks import Array
+from fpk_rocking.density.filter_nodes import exact_moments, joint_covariance
+from fpk_rocking.density.patches import Gaussian, cell_size, exact_flight, next_patch, patch_of, resolution_of
 from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics, event_cells
@@ -253,3 +261,102 @@ def _drift_time(dynamics: Dynamics):
 def _crossing_time(dynamics: Dynamics, change):
     """Return the time in which a drift that grows from 0 at a rate overtakes the noise, (D / rate^2)^(1/3)."""
     return (dynamics.diffusion / change**2) ** (1.0 / 3.0) if change > 0.0 else math.inf
+
+
+class FilteredStart:
+    """The Gaussian of angle, velocity and the filter's states, in a flight from the start in which nothing happens."""
+
+    def __init__(self, scene, nodes, dynamics):
+        self.scene, self.nodes, self.dynamics = scene, nodes, dynamics
+        start = scene.start
+        self._mean = np.array([start.angle, start.velocity])
+        self._covariance = np.zeros((2, 2)) if start.covariance is None else np.array(start.covariance)
+        push = self._mean[0] or self._mean[1] or scene.forcing.value(0.0)
+        self.side = 1 if push > 0.0 else -1
+        self._moments = None
+        if dynamics.block.critical_angle is not None:
+            self._moments = exact_moments(dynamics, nodes, self._mean, self._covariance, scene.period, self.side)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the block starts at rest and the noise decides when it is lifted off: a bool."""
+        if self._mean.any() or self._covariance.any():
+            return False
+        room = TUNING.filtered_reach * math.sqrt(self.scene.noise.variance)
+        return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room
+
+    def at(self, time: float) -> tuple[Array, Array]:
+        """Return (mean, covariance), (2,) and (2 + states, 2 + states), at a `time` since τ = 0, nondimensional."""
+        if self._moments:
+            return self._moments(time)
+        flight = self.dynamics.affine(0.0, time)
+        mean = flight.matrix @ self._mean + flight.shifts[self.side]
+        return mean, joint_covariance(self.nodes, self._covariance, time)
+
+    def undisturbed(self, time: float) -> bool:
+        """Whether nothing can have happened by a `time`, a bool: the block is far from x = 0 and from the cut-off."""
+        mean, covariance = self.at(time)
+        reach = TUNING.filtered_reach * math.sqrt(covariance[0, 0])
+        return reach < self.side * mean[0] < self.dynamics.block.cutoff - reach
+
+    def takeover_step(self, space: Space, begins: Array) -> int:
+        """Return the number of the step before which the mesh takes over: resolved, or the last without an event."""
+        last = 0
+        for step, time in enumerate(begins[1:], 1):
+            if not self.undisturbed(time):
+                break
+            last = step
+            if self.resolution(time, space) >= TUNING.filtered_resolved:
+                break
+        return last
+
+    def resolution(self, time: float, space: Space) -> float:
+        """Block's least standard deviation, of angle or velocity, in sizes of the mesh cell its mean is in."""
+        mean, covariance = self.at(time)
+        return resolution_of(mean, covariance[:2, :2] - covariance[:2, 2:] @ covariance[2:, :2], space)
+
+    def project(self, time: float, space: Space) -> tuple[Array, Array]:
+        """Return (densities, outflow) at a `time` on a mesh, a `Space`."""
+        mean, covariance = (
+            self.at(time) if time > 0.0 else (self._mean, np.pad(self._covariance, (0, len(self.nodes.drift))))
+        )
+        slope = covariance[:2, 2:]
+        rest = covariance[:2, :2] - slope @ slope.T
+        points, weights = _points(rest)
+        out, outflow = np.zeros((*self.nodes.weights.shape, *space.shape)), np.zeros(3)
+        for place, weight in np.ndenumerate(self.nodes.weights):
+            states = points + mean + slope @ self.nodes.states[place][: slope.shape[1]]
+            outflow += deposit_points(space, states, weight * weights, self.side, out[place])
+        return out, outflow
+
+
+def _points(covariance):
+    """Return (points, weights), (n, 2) and (n,), that stand for a Gaussian about 0 of a covariance (2, 2)."""
+    values, axes = np.linalg.eigh(covariance)
+    lines, spacing = [], 0.1
+    for value in np.sqrt(np.maximum(values, 0.0)):
+        count = 60 if value > 0.0 else 0
+        lines.append(value * spacing * np.arange(-count, count + 1))
+    weights = [np.exp(-0.5 * np.square(spacing * (np.arange(len(line)) - len(line) // 2))) for line in lines]
+    weights = [weight / weight.sum() for weight in weights]
+    grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
+    return grid @ axes.T, np.outer(*weights).ravel()
+
+
+def deposit_points(space: Space, states: Array, masses: Array, side: int, out: Array) -> Array:
+    """Add point masses (n,) at states (n, 2), angle and velocity, to the coefficients `out` of a density."""
+    cells, references = [], []
+    for lines, values in zip(space.lines, states.T, strict=True):
+        cell = np.searchsorted(lines, values, side="right" if side > 0 else "left") - 1
+        nearest = np.clip(cell, 0, len(lines) - 2)
+        references.append((values - lines[nearest]) / np.diff(lines)[nearest])
+        cells.append(cell)
+    (i, j), (limit, across) = cells, space.shape[:2]
+    beyond = [i < 0, i >= limit, (i >= 0) & (i < limit) & ((j < 0) | (j >= across))]
+    outflow = np.array([masses[where].sum() for where in beyond])
+    inside = ~(beyond[0] | beyond[1] | beyond[2])
+    i, j = i[inside], j[inside]
+    along, across = (legendre_basis(part[inside], space.degree) for part in references)
+    values = np.einsum("n,na,nb->nab", masses[inside] / space.areas[i, j], along, across)
+    np.add.at(out, (i, j), values)
+    return outflow

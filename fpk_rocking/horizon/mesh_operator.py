@@ -11,9 +11,8 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.density.notices import warn_beyond
 from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, Level, refine
+from fpk_rocking.density.refinement import SOLUTIONS, refine, warn_beyond
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore, resolutions_for
 from fpk_rocking.density.space import escape_speed, exact_correction, reflected, velocity_bound
 from fpk_rocking.density.tuning import TUNING
@@ -200,24 +199,28 @@ class MeshOperator:
         own = {"unknowns": self.space.unknowns, "velocity_bound": float(self.space.velocity_lines[-1])}
         return self.propagator.discretization.settings | own
 
-    @functools.cached_property
-    def level(self):
-        """A `Level` of this solution, for refinement, which compares the escape rate's logarithm and 32 x 64 bins.
+    resolved = np.ones(1, dtype=bool)
 
-        The bins, equal ones, are those of the quasi-stationary density.
-        """
+    @functools.cached_property
+    def quantity(self):
+        """Logarithm of the escape rate, (1,): what refinement compares."""
+        return np.array([math.log(self.rate) if self.rate > 0.0 else math.nan])
+
+    @functools.cached_property
+    def bins(self):
+        """Probabilities (1, bins) of the quasi-stationary density in 32 x 64 equal bins."""
         lines = zip(self.space.lines, (32, 64), strict=True)
-        bins = self.space.bin_integrals(self.quasi_stationary, *(np.linspace(x[0], x[-1], n + 1) for x, n in lines))
-        truncated = abs(self.leaks[2]) / abs(self.rate) if self.rate else math.inf
-        return Level(
-            solution=self,
-            quantity=np.array([math.log(self.rate) if self.rate > 0.0 else math.nan]),
-            bins=bins.reshape(1, -1),
-            resolved=np.ones(1, dtype=bool),
-            error=lambda difference, _: max(math.expm1(difference), truncated),
-            negative_mass=self.space.negative_mass(self.quasi_stationary),
-            memory=self.propagator.memory,
-        )
+        edges = (np.linspace(x[0], x[-1], n + 1) for x, n in lines)
+        return self.space.bin_integrals(self.quasi_stationary, *edges).reshape(1, -1)
+
+    @functools.cached_property
+    def negative_mass(self):
+        """Negative mass of the quasi-stationary density."""
+        return self.space.negative_mass(self.quasi_stationary)
+
+    def error(self, difference, _):
+        """Relative error of the rate, by the `difference` of its logarithm and what is truncated."""
+        return max(math.expm1(difference), abs(self.leaks[2]) / abs(self.rate) if self.rate else math.inf)
 
     def at_phase(self, phase):
         """Return the `MeshOperator` on a mesh of the same resolution for another `phase` Ψ of the forcing, radians."""
@@ -273,7 +276,7 @@ def refine_operator(white, tol):
     Returns
     -------
     Refined
-        Its levels, from finer and finer meshes, have a `MeshOperator` each as solution.
+        Its solutions are `MeshOperator`s on finer and finer meshes.
 
     Warns
     -----
@@ -290,16 +293,14 @@ def refine_operator(white, tol):
     beyond, wanted = bound_for_all_starts(white, motion), math.e * tol
 
     def solve(resolution, _):
-        """Return the `Level`, with a `MeshOperator` as solution, at a `Resolution`; the other argument is not used."""
-        return MeshOperator(white, resolution, motion, bound, beyond).level
+        return MeshOperator(white, resolution, motion, bound, beyond)
 
-    def fits(level, resolution):
-        """Whether the operator at a `Resolution` finer than that of a `Level` takes little enough memory: a bool."""
+    def fits(coarser, resolution):
         finer = resolution.adapted(white, bound, motion, beyond, TUNING.cell_growth)
-        return level.memory * finer.memory / level.solution.propagator.discretization.memory <= TUNING.finer_operator
+        before = coarser.propagator
+        return before.memory * finer.memory / before.discretization.memory <= TUNING.finer_operator
 
     def is_done(refined):
-        """Whether the estimated errors of a `Refined` are within the tolerances, or no longer fall: a bool."""
         return refined.within(wanted, bins_tolerance(tol)) or is_stagnated(refined)
 
     refined = refine(resolutions_for(tol, before=SOLUTIONS - 1), solve, fits, is_done)
@@ -312,8 +313,8 @@ def is_stagnated(refined):
 
     `refined` is a `Refined` whose solutions are a `MeshOperator` each.
     """
-    fine, coarse = refined.fine, refined.coarse
-    still = max(abs(fine.solution.rate), abs(coarse.solution.rate)) < TUNING.least_rate
+    coarse, fine = refined.solutions[-2:]
+    still = max(abs(fine.rate), abs(coarse.rate)) < TUNING.least_rate
     most = max(2.0 * TUNING.unresolved_negative_mass, TUNING.operator_negative_ratio * coarse.negative_mass)
     return still or fine.negative_mass > most
 
@@ -323,7 +324,7 @@ def judge(refined, tol):
 
     `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` the wanted error of survival.
     """
-    fine, limit = refined.fine, TUNING.unresolved_negative_mass
+    fine, limit = refined.solutions[-1], TUNING.unresolved_negative_mass
     if fine.negative_mass > limit:
         raise ValueError(
             "scene: got a quasi-stationary density that the finest mesh does not resolve (negative mass "
@@ -331,10 +332,10 @@ def judge(refined, tol):
         )
     if not refined.error < 1.0:
         raise ValueError(
-            f"scene: got an escape rate of {fine.solution.rate:.2e} a cycle, accepted: one above the error of the "
+            f"scene: got an escape rate of {fine.rate:.2e} a cycle, accepted: one above the error of the "
             "finest mesh; blocks overturn too rarely: use montecarlo.split(), or more noise"
         )
-    what = f"the escape rate, {fine.solution.rate:.2e} a cycle, relative"
+    what = f"the escape rate, {fine.rate:.2e} a cycle, relative"
     wanted = math.e * tol, bins_tolerance(tol)
     warn_beyond(what, refined, *wanted, "use montecarlo.split()", stacklevel=5, names=("tol", "tol"))
 

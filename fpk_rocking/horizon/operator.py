@@ -11,8 +11,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.base.precompilation import Task
 from fpk_rocking.density.density import Density, PlaneMap
-from fpk_rocking.density.notices import refuse_filtered, refuse_unsolvable
 from fpk_rocking.density.resolution import USUAL
+from fpk_rocking.density.solver import refuse_unsolvable
 from fpk_rocking.density.space import Space
 from fpk_rocking.horizon.mesh_operator import MeshOperator, refine_operator
 from fpk_rocking.horizon.modes import SurvivalEstimate
@@ -95,19 +95,25 @@ class CycleOperator(Result, LinearOperator):
         checks.instance("scene", scene, Scene)
         refuse_transient(scene.forcing, "the operator of a cycle")
         refuse_envelope(scene.noise, "the operator of a cycle")
-        refuse_filtered(scene)
+        if scene.noise.kind == "filtered":
+            takes = "solve_fpk() takes filters of up to 2 states"
+            accepted = (
+                f"'band' or 'white', as the one-cycle operator has no states of a filter; {takes}, and "
+                "scene.white_equivalent() replaces filtered noise by white noise, under which no block rests"
+            )
+            raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
         self.scene, self._white = scene, scene.white_equivalent()
         refuse_unsolvable(self._white)
         self.noise_replacement = describe_replacement(scene, self._white)
         self.diffusion = equivalent_diffusion(self._white.noise)
         self.tol = checks.number("tol", tol, at_least=min(USUAL))
         refined = refine_operator(self._white, self.tol)
-        self._fine, self._coarse, self.escape_error = refined.fine.solution, refined.coarse.solution, refined.error
-        self.refinement = [(level.solution.space.unknowns, level.solution.rate) for level in refined.levels]
+        (self._coarse, self._fine), self.escape_error = refined.solutions[-2:], refined.error
+        self.refinement = [(solution.space.unknowns, solution.rate) for solution in refined.solutions]
         fine = self._fine
         self.escape_rate, self.leakage, self.truncated = fine.rate, fine.leaks[:2], float(fine.leaks[2])
         self.eigenvalues = fine.modes.values**fine.periods
-        self.residuals, self.negative_mass = fine.modes.residuals, refined.fine.negative_mass
+        self.residuals, self.negative_mass = fine.modes.residuals, fine.negative_mass
         self.settings = fine.settings
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 

@@ -17,7 +17,7 @@ from fpk_rocking.density.space import Space, graded_lines, reflected, velocity_b
 from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
-from fpk_rocking.density.transient import Sticking
+from fpk_rocking.density.sticking import Sticking
 from fpk_rocking.horizon.mesh_operator import MeshOperator
 from fpk_rocking.physics.motion.flight import flight_covariance
 from montecarlo import simulate

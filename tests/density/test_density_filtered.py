@@ -26,9 +26,10 @@ from fpk_rocking import (
 from fpk_rocking.density import solver
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, filtered_discretization
-from fpk_rocking.density.filtered import FilteredPropagator, FilteredStart
+from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space import velocity_bound
+from fpk_rocking.density.startup import FilteredStart
 from montecarlo import simulate
 
 NOISES = (

@@ -12,16 +12,17 @@ from fpk_rocking import Block, FilteredNoise, Harmonic, Scene, Start, WhiteNoise
 from fpk_rocking.base.basis import gauss_hermite_product
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.filter_nodes import FilteredDiscretization, Nodes, may_rest
-from fpk_rocking.density.filtered import FilteredPropagator, FilteredStart
+from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.patches import Gaussian
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, explore
 from fpk_rocking.density.space import Space, velocity_bound
+from fpk_rocking.density.startup import FilteredStart
 from fpk_rocking.density.step.characteristics import Noise, principal_axes
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import displaced
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
-from fpk_rocking.density.transient import Sticking
+from fpk_rocking.density.sticking import Sticking
 from fpk_rocking.physics.motion.equation import KernelBlock, UnequalSides
 from montecarlo import simulate
 

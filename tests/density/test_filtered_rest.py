@@ -21,8 +21,9 @@ from fpk_rocking.density import filter_nodes
 from fpk_rocking.density.density import Density
 from fpk_rocking.density.evolution import Evolution, warn_unresolved
 from fpk_rocking.density.filter_nodes import Nodes, filtered_discretization
-from fpk_rocking.density.filtered import FilteredPropagator, FilteredStart
+from fpk_rocking.density.filtered import FilteredPropagator
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance
+from fpk_rocking.density.startup import FilteredStart
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.results.remarks import remarks

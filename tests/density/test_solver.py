@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.density import notices, refinement, resolution, solver
+from fpk_rocking.density import refinement, resolution, solver
 from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import safe_difference
 from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, StateRange, explore
@@ -40,10 +40,9 @@ def mesh_of(scene, fineness, cycles=10):
 def test_estimate_from_three_solutions_or_more(distances, bins, lost, expected):
     outflow = np.array([[0.0, 0.0, 0.0], [0.1, 0.2, lost]])
     space, rows = Space(np.linspace(-1.0, 1.0, 3), np.linspace(-1.0, 1.0, 3), 0), np.array([False, True])
-    solution = Solution(np.ones(2), outflow, np.zeros((2, *space.shape)), None, rows)
     propagator = types.SimpleNamespace(space=space, memory=0.0)
-    level = solver._level_of(propagator, solution, [np.linspace(-1.0, 1.0, 4)] * 2)
-    assert level.error(safe_difference(distances), bins) == pytest.approx(expected, rel=1e-12)
+    solution = Solution(propagator, np.ones(2), outflow, np.zeros((2, *space.shape)), None, rows)
+    assert solution.error(safe_difference(distances), bins) == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_probability_below_0_is_an_error():
@@ -51,20 +50,21 @@ def test_a_probability_below_0_is_an_error():
     propagator, rows = types.SimpleNamespace(space=space, memory=0.0), np.array([False, True])
     for survival, left, right in ((1.0, -2e-6, 2e-6), (1.0, 2e-6, -2e-6), (1.0 + 2e-6, 0.0, 0.0), (-2e-6, 0.5, 0.5)):
         outflow = np.array([[0.0, 0.0, 0.0], [left, right, 0.0]])
-        solution = Solution(np.array([1.0, survival]), outflow, np.zeros((2, *space.shape)), None, rows)
-        level = solver._level_of(propagator, solution, [np.linspace(-1.0, 1.0, 4)] * 2)
-        assert level.error(1e-9, 1e-9) == pytest.approx(2e-6, rel=1e-6)
+        survivals = np.array([1.0, survival])
+        solution = Solution(propagator, survivals, outflow, np.zeros((2, *space.shape)), None, rows)
+        assert solution.error(1e-9, 1e-9) == pytest.approx(2e-6, rel=1e-6)
 
 
 def test_the_sides_count_where_survival_is_the_same():
     """All may overturn at every resolution, and to another side at each."""
     space = Space(np.linspace(-1.0, 1.0, 3), np.linspace(-1.0, 1.0, 3), 0)
-    propagator, levels = types.SimpleNamespace(space=space, memory=0.0), []
+    propagator, solutions, rows = types.SimpleNamespace(space=space, memory=0.0), [], np.array([False, True])
     for left in (0.60, 0.66, 0.64):
         outflow = np.array([[0.0, 0.0, 0.0], [left, 1.0 - left, 0.0]])
-        solution = Solution(np.array([1.0, 0.0]), outflow, np.zeros((2, *space.shape)), None, np.array([False, True]))
-        levels.append(solver._level_of(propagator, solution, [np.linspace(-1.0, 1.0, 4)] * 2))
-    assert refinement.estimate_errors(levels, 0).error == pytest.approx(1.4 * 0.02)
+        survivals, density = np.array([1.0, 0.0]), np.zeros((2, *space.shape))
+        edges = [np.linspace(-1.0, 1.0, 4)] * 2
+        solutions.append(Solution(propagator, survivals, outflow, density, None, rows, edges=edges))
+    assert refinement.estimate_errors(solutions, 0).error == pytest.approx(1.4 * 0.02)
 
 
 @pytest.mark.parametrize(
@@ -80,25 +80,23 @@ def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, taken):
     solved = []
 
     def solve(number, before):
-        assert before is None or before.solution == solved[-1] or solved[-1] == 0
+        assert before is None or before.number == solved[-1] or solved[-1] == 0
         solved.append(number)
-        quantity = np.array([survival[number]])
-        return refinement.Level(number, quantity, np.zeros((1, 1)), np.array([True]), max, 0.0, 0.0)
+        compared = {"quantity": np.array([survival[number]]), "bins": np.zeros((1, 1)), "resolved": np.array([True])}
+        return types.SimpleNamespace(number=number, error=max, negative_mass=0.0, **compared)
 
     refined = refinement.refine(
         [1, 2, 3, 4], solve, lambda *_: True, lambda refined: refined.within(0.003, 0.1), coarser=[0]
     )
     assert solved == taken
-    assert [level.solution for level in refined.levels] == sorted(taken)
+    assert [solution.number for solution in refined.solutions] == sorted(taken)
 
 
 def test_the_error_at_rest_is_what_levels_tell_and_what_nodes_leave_unseen():
     rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
-    solutions = [Solution(np.ones(2), np.zeros((2, 3)), None, rest, np.array([False, True])) for rest in rests]
-    levels = [
-        types.SimpleNamespace(solution=(types.SimpleNamespace(node_error=0.05), solution)) for solution in solutions
-    ]
-    assert solver._rest_error(levels) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
+    propagator, rows = types.SimpleNamespace(node_error=0.05), np.array([False, True])
+    solutions = [Solution(propagator, np.ones(2), np.zeros((2, 3)), None, rest, rows) for rest in rests]
+    assert solver._rest_error(solutions) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
 
 
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
@@ -164,7 +162,7 @@ def test_a_tolerance_that_memory_does_not_allow_is_missed_with_a_warning(monkeyp
 def test_the_warning_names_the_tolerance_that_is_missed(error, bins, names, allowed):
     refined = refinement.Refined([], error, bins, 0)
     with pytest.warns(RuntimeWarning, match=f"; allow {allowed} run$"):
-        solver.warn_beyond("survival", refined, 0.1, 0.3, "run", stacklevel=1, **names)
+        refinement.warn_beyond("survival", refined, 0.1, 0.3, "run", stacklevel=1, **names)
 
 
 @pytest.mark.parametrize(
@@ -190,12 +188,12 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     """Seconds of one processor grow with the cycles; the paths are those of a standard error below the tolerance."""
     times = MAIN.period * np.arange(11)
     mesh = mesh_of(MAIN, RESOLUTIONS[2])
-    few, many = (notices.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
+    few, many = (solver.estimated_seconds(MAIN, mesh, MAIN.period * np.arange(cycles + 1)) for cycles in (10, 1000))
     assert 10.0 * few < many < 100.0 * few
-    notices.announce(MAIN, [mesh], times, 1e-2)
+    solver.announce(MAIN, [mesh], times, 1e-2)
     assert capsys.readouterr().err == ""
-    monkeypatch.setattr(notices, "estimated_seconds", lambda *_: 26.0)
-    notices.announce(MAIN, [mesh, mesh], times, 1e-2)
+    monkeypatch.setattr(solver, "estimated_seconds", lambda *_: 26.0)
+    solver.announce(MAIN, [mesh, mesh], times, 1e-2)
     said = capsys.readouterr().err
     assert "about 50 s of one processor" in said
     assert "10,000 sampled paths give a standard error of 0.005" in said
@@ -203,10 +201,10 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
 
 def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys, refined):
     """By what the one before took; the first three are told of together."""
-    monkeypatch.setattr(notices, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
-    notices.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
+    monkeypatch.setattr(solver, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))
+    solver.announce_finer(MAIN, 2.0, 5.0, None, 7.9)
     assert capsys.readouterr().err == ""
-    notices.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
+    solver.announce_finer(MAIN, 2.0, 5.0, None, 16.1)
     assert capsys.readouterr().err == "density: the tolerance asks for a finer solution, about 40 s\n"
     density, announced = refined
     assert announced[-1][2].cells[0] == density.settings["angle_cells"]

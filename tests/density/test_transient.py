@@ -26,7 +26,8 @@ from fpk_rocking.density.resolution import RESOLUTIONS, explore, resolutions_for
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.startup import StartUp
 from fpk_rocking.density.step.dynamics import Dynamics
-from fpk_rocking.density.transient import Sticking, TransientPropagator, density_at_rest
+from fpk_rocking.density.sticking import Sticking, density_at_rest
+from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.envelopes import Trapezoid
 from montecarlo import simulate
@@ -150,11 +151,10 @@ def test_what_is_released_late_has_the_force_and_the_noise_of_its_time():
 
 def test_the_estimate_is_four_times_as_large_where_blocks_rested_and_were_lifted_off():
     space = Space(np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5), 1)
-    solution = Solution(np.ones(2), np.zeros((2, 3)), np.zeros((2, *space.shape)), None, np.array([False, True]))
-    propagator, edges = SimpleNamespace(space=space, memory=0.0), [np.linspace(-1.0, 1.0, 4)] * 2
+    propagator, rows = SimpleNamespace(space=space, memory=0.0), np.array([False, True])
     for reinjected, error in ((0.0, 1e-3), (0.9e-3, 1e-3), (1.1e-3, 4e-3)):
-        level = solver._level_of(propagator, solution._replace(reinjected=reinjected), edges)
-        assert level.error(1e-3, 0.0) == pytest.approx(error)
+        solution = Solution(propagator, np.ones(2), np.zeros((2, 3)), np.zeros(0), None, rows, reinjected)
+        assert solution.error(1e-3, 0.0) == pytest.approx(error)
 
 
 def test_what_rested_and_was_lifted_off_is_told_and_a_start_at_rest_is_not():

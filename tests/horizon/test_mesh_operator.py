@@ -81,8 +81,8 @@ def test_another_leading_eigenvalue_of_the_adjoint_is_refused(monkeypatch):
 def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative, error, refused):
     warned = []
     monkeypatch.setattr(mesh_operator, "warn_beyond", lambda *arguments, **_: warned.append(arguments))
-    fine = types.SimpleNamespace(negative_mass=negative, solution=types.SimpleNamespace(rate=1e-3))
-    refined = types.SimpleNamespace(fine=fine, error=error)
+    fine = types.SimpleNamespace(negative_mass=negative, rate=1e-3)
+    refined = types.SimpleNamespace(solutions=[fine], error=error)
     if refused:
         with pytest.raises(ValueError, match=refused):
             judge(refined, 1e-3)
@@ -104,12 +104,10 @@ def test_what_no_mesh_resolves_is_refused_beyond_its_limit(monkeypatch, negative
 )
 def test_hope_ends_where_nothing_leaks_or_a_finer_mesh_hardly_helps(rates, negative, stagnated):
     fine, coarse = (
-        types.SimpleNamespace(
-            solution=types.SimpleNamespace(rate=rate), negative_mass=TUNING.unresolved_negative_mass * part
-        )
+        types.SimpleNamespace(rate=rate, negative_mass=TUNING.unresolved_negative_mass * part)
         for rate, part in zip(rates, negative, strict=True)
     )
-    assert is_stagnated(types.SimpleNamespace(fine=fine, coarse=coarse)) == stagnated
+    assert is_stagnated(types.SimpleNamespace(solutions=[coarse, fine])) == stagnated
 
 
 def test_what_the_mesh_loses_is_an_error_of_the_rate(main_scene):
@@ -119,7 +117,7 @@ def test_what_the_mesh_loses_is_an_error_of_the_rate(main_scene):
     wide, cut = (MeshOperator(white, RESOLUTIONS[0], motion, bound, bound) for bound in (4.0, 2.5))
     off = abs(cut.rate / wide.rate - 1.0)
     assert off > 0.01
-    assert cut.level.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
-    assert cut.level.error(0.0, 0.0) > 0.5 * off
-    assert cut.level.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
-    assert abs(wide.level.error(0.0, 0.0)) < 1e-3
+    assert cut.error(0.0, 0.0) == pytest.approx(cut.leaks[2] / cut.rate)
+    assert cut.error(0.0, 0.0) > 0.5 * off
+    assert cut.error(0.5, 0.0) == pytest.approx(math.expm1(0.5))
+    assert abs(wide.error(0.0, 0.0)) < 1e-3

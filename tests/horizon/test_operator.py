@@ -345,10 +345,10 @@ def test_trivial_scenes_are_refused_by_name(changes, message):
 
 def test_a_rate_that_is_not_above_its_error_is_refused():
     for error in (0.99, 1.01):
-        fine = types.SimpleNamespace(negative_mass=0.0, solution=types.SimpleNamespace(rate=1e-6))
+        fine = types.SimpleNamespace(negative_mass=0.0, rate=1e-6)
         refused = pytest.raises(ValueError, match="overturn too rarely") if error > 1.0 else contextlib.nullcontext()
         with refused:
-            mesh_operator.judge(types.SimpleNamespace(fine=fine, error=error, bins_error=0.0), 1.0)
+            mesh_operator.judge(types.SimpleNamespace(solutions=[fine], error=error, bins_error=0.0), 1.0)
 
 
 def test_bad_arguments_are_named(operator):

@@ -60,7 +60,7 @@ def check(status, out, err, as_json):
 
 def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, noise_replacement="white", progress=None):  # noqa: ARG001
     """Refuse what the solver refuses, and return a result of a known law."""
-    fpk_rocking.density.notices.refuse_unsolvable(scene.white_equivalent())
+    fpk_rocking.density.solver.refuse_unsolvable(scene.white_equivalent())
     rows = len(result_times(scene, cycles, times)) - 1 if cycles is None or cycles <= 50 else 51
     if rows > 50 or scene.period is None:
         raise ValueError("cycles: got what this stand-in does not take, accepted: up to 50 cycles")
