@@ -19,7 +19,7 @@ import secrets
 import typing
 import zipfile
 from collections.abc import Iterable, Iterator
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -78,8 +78,6 @@ def plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-T = TypeVar("T")
-
 _FORMAT = 7
 _HEADER = "header"
 
@@ -108,12 +106,11 @@ def save(result: Any, path: File) -> None:
         np.savez(file, **{_HEADER: np.array(text)}, **arrays)  # type: ignore[arg-type]  # none is called allow_pickle
 
 
-def load(cls: type[T], path: File) -> T:
+def load(cls: Any, path: File) -> Any:
     """Read a `Result` of the class `cls` from a file; see `Result.load`."""
     with _opened(path) as (header, archive):
-        kind = cls.kind  # type: ignore[attr-defined]
-        if header["kind"] != kind:
-            raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {kind!r}")
+        if header["kind"] != cls.kind:
+            raise ValueError(f"{path}: got a result of kind {header['kind']!r}, accepted: {cls.kind!r}")
         names = {name.removesuffix(".npy") for name in archive.namelist()} - {_HEADER}
         arrays = {name: _array(path, archive, name) for name in sorted(names)}
     parts = arrays | header["attributes"]

@@ -255,3 +255,46 @@ def test_temporary_file_stands_beside_its_target_with_the_same_suffix(tmp_path):
     assert path.read_bytes() == b"all of it"
     assert list(path.parent.iterdir()) == [path]
     assert isinstance(temporary, pathlib.Path)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rows(Result):
+    """Arrays with named dimensions, and one of the file alone."""
+
+    kind: ClassVar = "rows"
+    row_dims = ("time",)
+    times: Annotated[Array, "f8 time"]
+    overturned: Annotated[Array, "f8 time side"]
+    paths: Annotated[Array, "f8 path time"]
+    lines: Annotated[Array, "f8 x+1"]
+
+    def derived(self):
+        return {"doubled": ("time", 2.0 * self.times)}
+
+
+ROWS = Rows(np.array([0.0, 0.5]), np.array([[0.1, 0.2], [0.3, 0.4]]), np.ones((3, 2)), np.zeros(4))
+
+
+def test_words_are_the_dimensions_of_the_table():
+    assert list(ROWS.variables) == ["overturned", "paths", "doubled"]
+    table = {name: column.tolist() for name, column in ROWS.table().items()}
+    sides = {"overturned_left": [0.1, 0.3], "overturned_right": [0.2, 0.4]}
+    assert table == {"time": [0.0, 0.5]} | sides | {"doubled": [0.0, 1.0]}
+    assert list(table) == ["time", *sides, "doubled"]
+    assert ROWS.coordinates["side"] == (("side",), ["left", "right"])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"overturned": np.ones((2, 3))}, r"overturned: got float64 of shape \(2, 3\), accepted: 'f8 time side'"),
+        ({"paths": np.ones((3, 1))}, r"paths: got float64 of shape \(3, 1\), accepted: 'f8 path time' with time = 2"),
+    ],
+)
+def test_dimensions_have_one_length(tmp_path, changes, message):
+    path = tmp_path / "rows.npz"
+    ROWS.save(path)
+    assert Rows.load(path).paths.tolist() == ROWS.paths.tolist()
+    dataclasses.replace(ROWS, **changes).save(path)
+    with pytest.raises(ValueError, match=message):
+        Rows.load(path)
