@@ -31,10 +31,7 @@ def show(title, table, sentences):
 
 def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
     """Return (title, table, sentences) of a `SurvivalResult`: survival and overturned probability at each time."""
-    columns = {result.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in result.row_values]}
-    seconds = result.time_s if result.cycles is not None else None
-    if seconds is not None:
-        columns["time, s"] = [f"{time:.4g}" for time in seconds]
+    columns, seconds = _times(result), result.time_s if result.cycles is not None else None
     columns["survival"] = [f"{value:.5f}" for value in result.survival]
     if result.interval is not None:
         columns["95 % interval"] = [_limits(limits, 5) for limits in result.interval]
@@ -54,9 +51,7 @@ def result_table(result) -> tuple[str, Table, tuple[str, ...]]:
 
 def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
     """Return (title, table, sentences) of a `Probability`, with a row for each time."""
-    columns = {answer.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in answer.row_values]}
-    if answer.cycles is not None and answer.time_s is not None:
-        columns["time, s"] = [f"{time:.4g}" for time in answer.time_s]
+    columns = _times(answer)
     probabilities = {"survival": answer.survival, "overturned left": answer.left, "overturned right": answer.right}
     for (name, values), errors in zip(probabilities.items(), answer.errors.T, strict=True):
         columns[name] = [f"{value:z.5f} ± {error:.1g}" for value, error in zip(values, errors, strict=True)]
@@ -66,6 +61,14 @@ def probability_table(answer) -> tuple[str, Table, tuple[str, ...]]:
         text_table(columns, zip(*columns.values(), strict=True)),
         verdict_first(answer.trust, *answer.remarks, closing),
     )
+
+
+def _times(result):
+    """Columns of the rows of a `RowResult`: cycles, with seconds where they are known, or times."""
+    columns = {result.row_label.removeprefix("forcing "): [f"{time:.6g}" for time in result.row_values]}
+    if result.cycles is not None and result.time_s is not None:
+        columns["time, s"] = [f"{time:.4g}" for time in result.time_s]
+    return columns
 
 
 def _account(result):

@@ -281,19 +281,3 @@ def function_panel(
 def _title(result, cycle):
     """Time of row `cycle` of a `SurvivalResult`, and survival then, as a text for the title of a panel."""
     return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
-
-
-def reliability_panel(axes: Any, probability: Array, observed: Array, groups: int = 8, **style: Any) -> None:
-    """Draw observed shares of overturning (n,) over predicted probabilities (n,), in groups of equal size.
-
-    The intervals are Wilson's, 95 %; `style` are options of ``axes.plot``.
-    """
-    from scipy import stats
-
-    look = {"color": COLOURS[0]} | style
-    for part in np.array_split(np.argsort(probability, kind="stable"), groups):
-        mean, over = probability[part].mean(), int(observed[part].sum())
-        axes.plot([mean] * 2, stats.binomtest(over, len(part)).proportion_ci(method="wilson"), color=look["color"])
-        axes.plot(mean, over / len(part), "o", **look)
-    axes.plot([0, 1], [0, 1], "k:")
-    axes.set(xlabel="predicted probability of overturning", ylabel="share that overturned")

@@ -24,7 +24,7 @@ import scipy
 
 from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.physics.forcing import Record
-from fpk_rocking.results.pictures import COLOURS, figure_of, reliability_panel
+from fpk_rocking.results.pictures import COLOURS, figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.risk.drawing import concentrated, distribution_of
@@ -379,3 +379,19 @@ def _limits(values, weights):
     shares = np.cumsum(weights[order]) - 0.5 * weights[order]
     middle, low, high = np.interp([0.5, 0.025, 0.975], shares, values[order])
     return float(middle), float(low), float(high)
+
+
+def reliability_panel(axes: Any, probability: Array, observed: Array, groups: int = 8, **style: Any) -> None:
+    """Draw observed shares of overturning (n,) over predicted probabilities (n,), in groups of equal size.
+
+    The intervals are Wilson's, 95 %; `style` are options of ``axes.plot``.
+    """
+    look = {"color": COLOURS[0]} | style
+    for part in np.array_split(np.argsort(probability, kind="stable"), groups):
+        mean, over = probability[part].mean(), int(observed[part].sum())
+        axes.plot(
+            [mean] * 2, scipy.stats.binomtest(over, len(part)).proportion_ci(method="wilson"), color=look["color"]
+        )
+        axes.plot(mean, over / len(part), "o", **look)
+    axes.plot([0, 1], [0, 1], "k:")
+    axes.set(xlabel="predicted probability of overturning", ylabel="share that overturned")

@@ -192,7 +192,8 @@ def test_pictures_show_the_posterior_and_reliability(fitted):
 
 
 def test_reliability_has_wilson_intervals():
-    from fpk_rocking.results.pictures import figure_of, reliability_panel
+    from fpk_rocking.results.pictures import figure_of
+    from fpk_rocking.risk.posterior import reliability_panel
 
     figure = figure_of(lambda _, axes: reliability_panel(axes, np.full(20, 0.3), np.arange(20) < 5, 1))
     low, high = figure.axes[0].lines[0].get_ydata()
