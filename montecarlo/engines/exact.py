@@ -214,17 +214,17 @@ def step_with_events(state, end, side, number, j, share, cycle, parameters, work
     if share == 1.0:
         tried = side != 0 and not math.isnan(end[0]) and first[j + 1] == first[j] + 1
     origin = cycle * (parameters.grid.count * spacing) + (number + 0.5) * spacing
-    until, begin, block = (share - 0.5) * spacing, -0.5 * spacing, parameters.block
+    until, start, block = (share - 0.5) * spacing, -0.5 * spacing, parameters.block
     for piece in range(first[j], first[j + 1]):
         strength, stop = parameters.envelope.strength[piece], min(parameters.envelope.ends[piece], until)
-        if begin >= until:
+        if start >= until:
             break
         x, v, side, time = _advance(
-            x, v, side, j, begin, stop, strength, tried, end, parameters, workspace, impacts, origin, block
+            x, v, side, j, start, stop, strength, tried, end, parameters, workspace, impacts, origin, block
         )
         if abs(x) >= parameters.block.cutoff:
             return (x, v), side, origin + time
-        begin = stop
+        start = stop
     return (x, v), side, math.inf
 
 
