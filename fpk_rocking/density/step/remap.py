@@ -140,7 +140,7 @@ def add_product(start, stop, left, right, low, high, shift, weight, points, poin
     latter is what it is at the cell's end.
     """
     here_scale, there_scale, modes = 2.0 / (right - left), 2.0 / (high - low), len(basis)
-    for q in range(len(points) if stop > start else 0):
+    for q in range(len(points)):
         x = start + points[q] * (stop - start)
         part = 0.5 * there_scale * weight * point_weights[q] * (stop - start)
         here = legendre_at(here_scale * (x - left) - 1.0)
@@ -170,11 +170,12 @@ def fill_blocks(begin, end, lines, bounds, shifts, spreads, nodes, weights, poin
                         block = blocks[start[origin[r] + target, q] + cell - first[origin[r] + target, q]]
                         below = left if target == bounds[r, 0] else enter
                         above = right if target == bounds[r, 1] - 1 else leave
-                        for ends in ((enter, leave), (below, enter), (leave, above)):
-                            add_product(
-                                ends[0], ends[1], left, right, low, high, move, weights[n], points, point_weights,
-                                block, basis,
-                            )  # fmt: skip
+                        for start_at, stop_at in ((enter, leave), (below, enter), (leave, above)):
+                            if stop_at > start_at:
+                                add_product(
+                                    start_at, stop_at, left, right, low, high, move, weights[n], points, point_weights,
+                                    block, basis,
+                                )  # fmt: skip
 
 
 @kernel
