@@ -26,17 +26,16 @@ from montecarlo.results.ensemble import Histories
 class ContactForces:
     """Forces of the floor on the blocks of some histories, over their weight; made by `contact_forces`.
 
-    They are known at the times of the histories alone, so more samples in a cycle show more of the peaks between, and
-    are without the forces of impacts, which act for an instant.
+    They are known at the times of the histories alone: more samples show more of the peaks between. The forces of
+    impacts, which act for an instant, are not in them.
 
     Parameters
     ----------
     scene : Scene
-        That of the histories.
     time : ndarray, shape (n,)
         Times τ.
     horizontal, normal : ndarray, shape (realizations, n)
-        Horizontal force, positive towards x > 0, and normal force, both over mg; nan after overturning.
+        Over mg, the horizontal one positive towards x > 0; nan after overturning.
 
     Examples
     --------
@@ -62,18 +61,16 @@ class ContactForces:
 
     @property
     def needed(self) -> Array:
-        """Largest `friction` of each realization, shape (realizations,)."""
+        """Largest `friction` of each realization, (realizations,)."""
         return np.nanmax(self.friction, axis=1)
 
     @property
     def least(self) -> Array:
-        """Least normal force over mg of each realization, shape (realizations,)."""
+        """Least normal force over mg of each realization, (realizations,)."""
         return np.nanmin(self.normal, axis=1)
 
     def sliding(self, friction: ArrayLike) -> tuple[Number, Number]:
         """Probability that a block with a friction coefficient slides at one of the times, and its standard error.
-
-        Until then its motion is that of a block that cannot slide; what it does after sliding is not known.
 
         Parameters
         ----------
@@ -88,7 +85,7 @@ class ContactForces:
 
     @property
     def headline(self) -> str:
-        """One sentence: below which friction coefficient the block slides before it rocks, and what rocking needs."""
+        """One sentence: below which friction the block slides before it rocks, and what rocking needs."""
         needed, count = self.needed, len(self.needed)
         typical = f" (median of {count:,} paths {np.median(needed):.3g})" if count > 1 else ""
         floor = f"the normal force falls to {self.least.min():.3g} of the weight"

@@ -2,9 +2,6 @@
 
 *Ensemble*: the mean of realizations that run on freely. *Restart*: the mean of the images after one cycle, from which
 all realizations start afresh. Where the map is not linear the two differ.
-
-Overturned realizations either lie still at the cut-off ("clamped", angle ±cut-off and velocity 0, in the spirit of the
-paper's bookkeeping) or do not count ("left out").
 """
 
 import dataclasses
@@ -31,11 +28,11 @@ class MeanMap(NamedTuple):
     points : ndarray, shape (cycles + 1, 2)
         Mean angle and velocity; nan where no realization counts.
     standard_error : ndarray, shape (cycles + 1, 2)
-        Sampling error of each mean; nan where fewer than two realizations count, 0 where nothing is random.
+        Sampling error of each mean; nan with fewer than two realizations, 0 where nothing is random.
     counted : ndarray of int, shape (cycles + 1,)
         Number of realizations that count.
     overturned_after : int or None
-        Number of cycles after which the mean lies at the cut-off, or no realization counts; None if that never is so.
+        Cycles after which the mean lies at the cut-off, or no realization counts; None for never.
 
     Examples
     --------
@@ -60,8 +57,7 @@ def mean_poincare_map(ensemble: Ensemble, overturned: str = "clamped") -> MeanMa
     ensemble : Ensemble
         Under periodic forcing.
     overturned : {"clamped", "left out"}
-        What becomes of overturned realizations in the mean: "clamped", they stay at the cut-off, as in the paper; "left
-        out", they do not count.
+        Overturned realizations stay at the cut-off with velocity 0, as in the paper, or do not count.
 
     Examples
     --------
@@ -96,19 +92,18 @@ def restarted_poincare_map(
 ) -> MeanMap:
     """Compute the mean Poincaré map with all realizations restarted from the mean after every cycle (paper eq. 21).
 
-    The noise goes on in time: a realization of band noise is one function of time through all restarts, white noise is
-    new in every cycle. Once all realizations have overturned, the map stays at their mean if they are clamped, and is
-    nan if they are left out. Standard errors are those of averaging over one cycle: the map carries an error of a mean
-    on into the next cycles, which they do not contain; runs with other seeds show it.
+    A realization of band noise is one function of time through all restarts; white noise is new in every cycle. Once
+    all realizations have overturned the map stays as it is. Standard errors are those of averaging over one cycle: they
+    do not contain the error that the map carries on into the next cycles, which runs with other seeds show.
 
     Parameters
     ----------
     scene, cycles, realizations, seed, method, steps_per_cycle
         As for `montecarlo.simulate`. A start drawn from a Gaussian is drawn once, at τ = 0.
     overturned : {"clamped", "left out"}
-        What becomes of realizations that overturned within the cycle, as for `mean_poincare_map`.
+        As for `mean_poincare_map`.
     progress : callable, optional
-        Called as ``progress(done, total)`` after each cycle. An exception that it raises ends the run.
+        Called as ``progress(done, total)`` after each cycle; an exception in it ends the run.
 
     Examples
     --------
@@ -146,17 +141,16 @@ def restarted_poincare_map(
 def correlation_dimension(points: ArrayLike, shortest: float, longest: float) -> float:
     """Estimate the correlation dimension of a set of points between two lengths.
 
-    The number of pairs nearer than r grows like r to this power: 1 on a curve, 2 where a part of the plane is filled,
-    and between them on a fractal (P. Grassberger, I. Procaccia, Physica D 9, 189-208, 1983). It is taken from the pairs
-    within both lengths, which have to lie above the noise of the points and below the extent of the set. It is nan
-    where no pair is nearer than `shortest`, and has no error of its own: repeat it with other points.
+    The number of pairs nearer than r grows like r to this power: 1 on a curve, 2 in a part of the plane, between them
+    on a fractal (P. Grassberger, I. Procaccia, Physica D 9, 189-208, 1983). Both lengths have to lie above the noise of
+    the points and below the extent of the set. It is nan where no pair is nearer than `shortest`.
 
     Parameters
     ----------
     points : array_like, shape (n, 2)
         For example Poincaré points; those with a nan are left out.
     shortest, longest : float
-        Lengths r, 0 < shortest < longest, nondimensional; the angle and the velocity count alike.
+        Lengths r, 0 < shortest < longest; the angle and the velocity count alike.
 
     Examples
     --------

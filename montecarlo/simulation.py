@@ -28,8 +28,8 @@ def simulate(
 ) -> Ensemble:
     """Simulate independent realizations of a scene by Monte Carlo.
 
-    Realization number r depends on the seed and on r alone. It is the same however many realizations or threads there
-    are. All processors are used; the environment variable ``NUMBA_NUM_THREADS`` sets another number of threads.
+    Realization number r depends on the seed and on r alone, not on how many realizations or threads there are. The
+    environment variable ``NUMBA_NUM_THREADS`` sets the number of threads; by default all processors are used.
 
     Parameters
     ----------
@@ -38,31 +38,30 @@ def simulate(
     cycles : int, optional
         Number of forcing cycles, at least 1. Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        For a pulse or a record: ascending nondimensional times at which results are wanted. By default 21 times over
-        its duration, and 10 units of time after its end.
+        For a pulse or a record: ascending nondimensional times of the results. By default 21 until 10 units of time
+        after its end.
     realizations : int, optional
-        Number of realizations, at least 1. Their states may take up to 4 GiB; `tally`, which keeps counts alone, has no
-        such limit. A deterministic scene (`Scene.deterministic`) has one path and needs no number; with a larger one
-        the path is computed once and stands in every row.
+        Number of realizations, at least 1, whose states take up to 4 GiB. A deterministic scene (`Scene.deterministic`)
+        needs no number: its one path stands in every row.
     seed : int
         Seed of the random numbers, from 0 to 2**64 - 1.
     method : {"exact", "rk4", "white", "filtered"}, optional
         By default the first of these that fits the noise. "exact", for band noise or none: event-driven, with flights
-        in closed form between impacts. "rk4", for the same: the paper's Runge-Kutta steps, ten times slower. "white",
-        for white noise: exact Gaussian steps. "filtered", for filtered noise: exact Gaussian steps between events.
+        in closed form between impacts. "rk4", for the same: the paper's Runge-Kutta steps, ten times slower. "white"
+        and "filtered", for noise of these kinds: exact Gaussian steps, the latter between events.
     steps_per_cycle : int
-        Time steps in a forcing cycle, at least 8; in a period of a pulse, in 2 units of time of a record. "rk4" takes
-        this number of steps. "white" adapts its steps; none is shorter than a cycle over 256 times this number.
-        "filtered" samples the noise at an interval proportional to 1/`steps_per_cycle`, which at 200 is half of
-        1/(the rate of a low-pass filter) and a quarter of that of the other filters. "exact" takes no steps.
+        Time steps of "rk4" in a forcing cycle, a period of a pulse, or 2 units of time of a record; at least 8. No
+        adapted step of "white" is shorter than a cycle over 256 times this number. "filtered" samples the noise at an
+        interval proportional to 1/`steps_per_cycle`: at 200 half of 1/(the rate of a low-pass filter), a quarter of
+        that of other filters. "exact" takes no steps.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of realizations. An exception that it raises ends the run.
 
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused; the method does not fit the noise; the restitution is at most exp(-π/√3) = 0.163 under
-        white noise, where impacts accumulate in finite time; or the states would take more than 4 GiB.
+        A parameter is refused; the method does not fit the noise; white noise with a restitution of at most exp(-π/√3)
+        = 0.163, where impacts accumulate in finite time; more than 4 GiB of states.
 
     Examples
     --------
@@ -116,16 +115,15 @@ def histories(
 ) -> Histories:
     """Simulate realizations and keep their time histories with every impact.
 
-    Realization number r is that of `montecarlo.simulate` with the same seed, method and steps. The method "white" is an
-    exception: its paths depend on `samples_per_cycle` too, though their probabilities do not.
+    Realization number r is that of `montecarlo.simulate` with the same seed, method and steps; paths of the method
+    "white" depend on `samples_per_cycle` too, though their probabilities do not.
 
     Parameters
     ----------
     scene, cycles, realizations, seed, method, steps_per_cycle, progress
         As for `montecarlo.simulate`.
     times : array_like, optional
-        For a pulse or a record: ascending nondimensional times of the states. By default 1001 times until 10 units of
-        time after its end.
+        As for `montecarlo.simulate`, by default 1001 times.
     samples_per_cycle : int, optional
         Number of states in each cycle, at least 1; by default 100. Refused where the forcing does not repeat.
 
@@ -199,23 +197,22 @@ def tally(
 ) -> Tally:
     """Simulate realizations of a scene and keep counts alone, in little memory however many there are.
 
-    Survival, joint histograms and moments after each cycle are counted. The realizations are those of `simulate` with
-    the same parameters. The result does not depend on the number of threads, nor on where a run was stopped and
-    resumed.
+    Survival, joint histograms and moments after each cycle are counted. The realizations are those of `simulate`.
+    Threads, interruptions and continuations do not change the result.
 
     Parameters
     ----------
     scene, cycles, times, seed, method, steps_per_cycle, progress
         As for `simulate`.
     realizations : int, optional
-        Number of realizations, 1 to 2**31 - 1. A deterministic scene needs no number, as for `simulate`.
+        Number of realizations, 1 to 2**31 - 1. A deterministic scene needs no number.
     angle_edges, velocity_edges : array_like, optional
-        Ascending edges of the bins that are counted, nondimensional. The default bins, 0.05 wide, are those that
-        comparisons and pictures need. The histograms may take 512 MiB.
+        Ascending edges of the bins, nondimensional; by default 0.05 apart, as comparisons and pictures need them. The
+        histograms may take 512 MiB.
     checkpoint : path, optional
-        File that keeps the state of the run. It is written from time to time, at the end, and when the run is
-        interrupted. Where the file exists, the run goes on from it: `realizations` may then be larger than before, all
-        other parameters have to be the same, else ValueError. `Tally.load` reads it.
+        File of the state of the run, written from time to time, at the end, and on an interruption; `Tally.load` reads
+        it. From an existing file the run goes on: `realizations` may be larger than before, all else has to be the
+        same, else ValueError.
 
     Examples
     --------

@@ -33,23 +33,19 @@ class Splitting(Result):
     """Probabilities of rare overturning, from independent repeats of adaptive multilevel splitting.
 
     The estimate of every repeat is unbiased for any number of walkers: its expectation is that of `simulate` with the
-    method "white" and the same `steps_per_cycle`. A nonlinear function of it, such as the logarithm, is biased. Where
-    the repeats are `skewed`, the mean and its error are probably too small.
+    method "white". A nonlinear function of it, such as the logarithm, is biased. Where the repeats are `skewed`, the
+    mean and its error are probably too small.
 
     Parameters
     ----------
-    scene : Scene
-        The scene that was given to `split`.
-    walkers : int
-        Number of paths in each repeat.
-    seed, steps_per_cycle : int
+    scene, walkers, seed, steps_per_cycle
         As given to `split`.
     wall_s : float
         Seconds that the call took, compilation included.
     repeat_overturned : ndarray, shape (repeats, cycles + 1, 2)
-        The estimates of each repeat: probability of having overturned by kT to the left and to the right.
+        Estimates of each repeat: probability of having overturned by kT to the left and to the right.
     levels, killed : ndarray of int, shape (repeats,)
-        Number of levels that each repeat passed, and of paths that it gave up at them.
+        Number of levels that each repeat passed, and of paths that it gave up.
 
     Examples
     --------
@@ -86,27 +82,27 @@ class Splitting(Result):
 
     @property
     def overturned(self) -> Array:
-        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned to the left and to the right, (cycles + 1, 2)."""
         return self.repeat_overturned.mean(axis=0)
 
     @functools.cached_property
     def repeat_probability(self) -> Array:
-        """Estimates of each repeat: probability of having overturned after each cycle, shape (repeats, cycles + 1)."""
+        """Estimates of each repeat of `probability`, (repeats, cycles + 1)."""
         return self.repeat_overturned.sum(axis=2)
 
     @property
     def probability(self) -> Array:
-        """Probability of having overturned after each cycle, shape (cycles + 1,)."""
+        """Probability of having overturned after each cycle, (cycles + 1,)."""
         return self.repeat_probability.mean(axis=0)
 
     @property
     def survival(self) -> Array:
-        """Probability of not having overturned after each cycle, shape (cycles + 1,)."""
+        """Probability of not having overturned after each cycle, (cycles + 1,)."""
         return 1.0 - self.probability
 
     @property
     def standard_error(self) -> Array:
-        """Standard error of `probability` and of `survival` by the scatter of the repeats, shape (cycles + 1,)."""
+        """Standard error of `probability` by the scatter of the repeats, (cycles + 1,)."""
         return self.repeat_probability.std(axis=0, ddof=1) / math.sqrt(self.repeats)
 
     @property
@@ -161,7 +157,7 @@ class Splitting(Result):
         }
 
     def plot(self) -> Any:
-        """Draw the probability of having overturned, with two standard errors, over the cycles: a matplotlib figure."""
+        """Draw the probability of having overturned with two standard errors: a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of
 
         def probability(_, axes):
@@ -191,8 +187,8 @@ def split(
     """Estimate the probability of rare overturning under white noise by adaptive multilevel splitting.
 
     Paths that come nearer to overturning than others are continued several times from there, and the others are given
-    up. Plain simulation needs 1/p paths to see an event of probability p once; a repeat simulates about
-    `walkers` (1 + ln(1/p)).
+    up. Plain simulation needs 1/p paths to see an event of probability p once; a repeat simulates about `walkers` (1 +
+    ln(1/p)).
 
     Parameters
     ----------
@@ -202,17 +198,11 @@ def split(
     cycles : int
         Number of forcing cycles, at least 1. Splitting works towards overturning by the last of them.
     walkers : int
-        Number of paths in each repeat, at least 10. Where the repeats are skewed, more walkers help; more repeats
-        hardly do.
+        Number of paths in each repeat, at least 10. Against skewed repeats more walkers help, more repeats hardly.
     repeats : int
         Number of independent repeats, at least 2; a standard error needs 20 or more.
-    seed : int
-        Seed of the random numbers, from 0 to 2**64 - 1.
-    steps_per_cycle : int
-        Time steps in a forcing cycle, at least 8. Steps are adapted; none is shorter than a cycle over 256 times this
-        number.
-    progress : callable, optional
-        Called as ``progress(done, total)`` between repeats. An exception that it raises ends the run.
+    seed, steps_per_cycle, progress
+        As for `simulate`; progress between repeats.
 
     Examples
     --------

@@ -1,8 +1,7 @@
 """Band noise, a sum of harmonics: how it is drawn, and its samples in chunks as a realization goes on.
 
-All of a realization's noise is drawn with its start: frequencies and phases of the harmonics. What makes functions of
-time of them is `fpk_rocking.physics.noise.band`. Event-driven engines need the noise over each interval of their grid:
-a polynomial, the product of `WIDTH` samples and the polynomials of an interpolant. `CHUNK` samples are made at once.
+All of a realization's noise is drawn with its start; `fpk_rocking.physics.noise.band` makes functions of time of it. In
+an interval it is a polynomial: the product of `WIDTH` samples and an interpolant. `CHUNK` samples are made at once.
 """
 
 import math
@@ -22,18 +21,14 @@ CHUNK = 2 * HALF + 1
 
 
 class Band(NamedTuple):
-    """Lowest frequency and width of the band in turns per table period; amplitude and number of the harmonics.
-
-    `parts`: equal parts of the band, in each of which there is the same number of harmonics; 1 for independent ones.
-    `gaussian`: whether the amplitudes are random, and `weight` is the root of their mean square.
-    """
+    """The band, in turns per table period, and its harmonics."""
 
     low_ratio: float
     ratio_width: float
-    weight: float
+    weight: float  # amplitude of a harmonic; its root mean square if random
     harmonics: int
-    parts: int
-    gaussian: bool
+    parts: int  # equal parts of the band with as many harmonics each; 1: independent
+    gaussian: bool  # whether the amplitudes are random
 
 
 def band_of_scene(scene, period):

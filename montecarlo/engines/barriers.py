@@ -36,12 +36,9 @@ from montecarlo.tuning import TUNING
 
 @kernel
 def safe_step(gap, slope, bend, reach, limit, shortest):
-    """Return the longest step h, up to `limit`, in which a gap between folded angle and barrier stays open.
-
-    It is open while gap + slope h + bend h^2 / 2 - reach h^1.5 > 0, where the last term is what noise may close. With
-    bend <= 0 that is concave in h, so Newton's iteration comes down on the root from above; it stops once nine tenths
-    of `reach` are kept, or below `shortest`.
-    """
+    """Return the longest step h, up to `limit`, with gap + slope h + bend h^2 / 2 > reach h^1.5, the noise's share."""
+    # With bend <= 0 the difference is concave in h, and Newton's iteration comes down on the root from above. It stops
+    # once nine tenths of `reach` are kept, or below `shortest`.
     h = limit
     root = math.sqrt(h)
     value = gap + h * (slope + 0.5 * bend * h - reach * root)
@@ -64,12 +61,9 @@ def safe_step(gap, slope, bend, reach, limit, shortest):
 
 @kernel
 def reflect_draw(u, w, side, segment, start, end, latest, parameters, impacts, origin):
-    """Return (u, w, side, time) right after the impact of a block that was drawn at (u, w) for the time `end`.
-
-    Without an impact they are returned as they are. The impact lies on the parabola through the drawn state; where that
-    has none from `start` to `latest`, the motion since the impact is the drawn one scaled by the restitution, and the
-    time is `end`. `latest` is `end`, or that of a step that was to end with the impact.
-    """
+    """Return (u, w, side, time) after the impact of a block drawn at (u, w) for `end`; without one as they are."""
+    # The impact lies on the parabola through the drawn state. Where that has none from `start` to `latest`, the motion
+    # since the impact is the drawn one scaled by the restitution.
     restitution = restitution_from(side, parameters.block)
     pull = acceleration(u, side, value_and_slope(segment.force, end)[0], parameters.block)
     square = w * w - 2.0 * pull * u
@@ -169,12 +163,9 @@ def _draw_beyond(stream, ratio):
 
 @kernel
 def first_return(stream, speed, pull, growth, diffusion, least):
-    """Draw the time until a block is back at x = 0, and its speed then; (inf, 0) where the pull has ended before.
-
-    It leaves at a `speed` > 0; the acceleration towards x = 0 is pull + growth t, pull > 0. `least`: lower bound, for
-    all times that come up, of the mean of the arrival speed at a known time over its standard deviation; with growth >=
-    0 the root of `speed` in units of D/pull.
-    """
+    """Draw time and speed of the return to x = 0 under a pull + growth t; (inf, 0) if the pull ends before."""
+    # `least` bounds the mean of the arrival speed at a known time, over its standard deviation, from below for all
+    # times; with growth >= 0 it is the root of `speed` in units of D/pull.
     width, most = math.sqrt(8.0 / 3.0) * math.sqrt(diffusion), _mean_negative_part(least) if least < 8.0 else 0.0
     while True:
         pick, noise = (1.0 + most) * uniform(stream), width * normal(stream)
@@ -210,12 +201,10 @@ def first_return(stream, speed, pull, growth, diffusion, least):
 
 @kernel(forceinline=True)  # see events.next_event
 def draw_bounce(stream, w, side, j, time, until, parameters, impacts, origin):
-    """Draw a low bounce, from an impact at x = 0 in interval j to the next; return (speed, side, time) after it.
-
-    It is (w, 0, time), and nothing happens, where the bounce is not low enough, could last beyond `until`, or meets a
-    pull that changes too much for a linear one. That has the impulse and the first moment of the forcing, a cubic
-    through its values and slopes at the beginning and at the middle of the flight, less the mean of the angle.
-    """
+    """Draw a low bounce from an impact at x = 0 to the next; return (speed, side, time), (w, 0, time) for none."""
+    # None if it is not low enough, could last beyond `until`, or meets a pull too far from linear. The linear pull has
+    # the impulse and the first moment of the forcing, a cubic through its values and slopes at the beginning and at the
+    # middle of the flight, less the mean of the angle.
     block, span = parameters.block, parameters.grid.spacing
     share = force_factor(0.0, side, block)
     diffusion = parameters.diffusion[j] * share * share

@@ -21,10 +21,10 @@ from montecarlo.tuning import TUNING
 
 
 class Run(NamedTuple):
-    """Checked parameters of a run, as `montecarlo.simulate` describes them; `times` (rows + 1,) from 0 on."""
+    """Checked parameters of a run, as `montecarlo.simulate` describes them."""
 
     scene: Scene
-    times: np.ndarray
+    times: np.ndarray  # (rows + 1,) from 0 on
     realizations: int
     seed: int
     method: str
@@ -37,21 +37,15 @@ class Run(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Realizations `first`, `first` + 1, ... of a run, `count` of them; nondimensional.
-
-    `angle`, `velocity` (count, rows * samples + 1): nan after overturning. `overturn_time`, `overturn_side` (count,):
-    as in `montecarlo.Ensemble`. `impacts`: `ImpactRecord` of arrays (count,), (count, capacity) and (count, capacity),
-    times and velocities just before; nan beyond the count. `returns` (2,): how many of the paths that overturn were
-    followed on to the fall, and how many of these came back.
-    """
+    """Realizations `first`, `first` + 1, ... of a run, n of them; nan after overturning."""
 
     first: int
-    angle: np.ndarray
+    angle: np.ndarray  # (n, rows * samples + 1)
     velocity: np.ndarray
-    overturn_time: np.ndarray
-    overturn_side: np.ndarray
-    impacts: ImpactRecord
-    returns: np.ndarray
+    overturn_time: np.ndarray  # (n,)
+    overturn_side: np.ndarray  # (n,)
+    impacts: ImpactRecord  # (n,), (n, capacity), (n, capacity), velocities just before
+    returns: np.ndarray  # (2,), as of `Ensemble`
 
 
 def checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress=None, times=None):
@@ -81,10 +75,8 @@ def refuse_large(run, per_cycle=1, instead=""):
 def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None, parameters=None, followed=None):
     """Yield the realizations of a run from `first` on as `Batch` after `Batch`, each simulated in parallel.
 
-    Those of a deterministic scene are one path. A cycle has `samples` states at equal times; `capacity` impacts of a
-    realization are kept. The run begins at a `cycle`, times count from τ = 0. `parameters` are those of the engine,
-    where the caller has them. `followed`: how many realizations before `first` were followed on to the fall
-    (`Ensemble.returns`); None follows none. ``progress(done, total)`` is called after each batch, and may raise.
+    A cycle has `samples` states; `capacity` impacts of a path are kept. Times count from τ = 0, whatever the first
+    `cycle`. `followed`: how many realizations before `first` were followed on to the fall; None follows none.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
     start_helpers(task_of(engine, run.scene))
@@ -166,11 +158,10 @@ def _refuse_missing_states(batch, run, times):
 
 
 def _paths_to_follow(batch, unseen, already):
-    """Return the numbers of the realizations of a `Batch` that are followed on to the fall, a list.
+    """Return the numbers of the realizations of a `Batch` that are followed on to the fall; `already` were before it.
 
-    Of the first n realizations these are at most √n `TUNING.followed` of those that overturn; where a path is not the
-    same to another cut-off (`unseen`), of all. `already` were followed before the batch. The choice does not depend on
-    how realizations are divided into batches.
+    Of the first n realizations at most √n `TUNING.followed` of those that overturn; of all if a path depends on the
+    cut-off (`unseen`). Batches of other sizes make the same choice.
     """
     numbers = batch.first + np.flatnonzero(batch.overturn_side | unseen)
     chosen, place = [], 0
@@ -186,10 +177,7 @@ def _paths_to_follow(batch, unseen, already):
 
 
 def _returns(numbers, run, unseen, parameters, simulate):
-    """Return how many of the paths with some numbers overturn on the way to the fall, and how many of these come back.
-
-    All of them overturn, unless `unseen`: overturning is then looked for at the end of each interval.
-    """
+    """Return how many paths overturn on the way to the fall (all, unless `unseen`), and how many of these come back."""
     if not numbers:
         return 0, 0
     states, cutoff = run.rows + 1, run.scene.overturning.angle

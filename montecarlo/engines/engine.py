@@ -26,62 +26,56 @@ from montecarlo.tuning import TUNING
 
 @kernel(inline="always")
 def angle_and_velocity(state, _side, _number, _j, _parameters, _workspace):
-    """Return the state at an interval's end where it is (angle, velocity): `Engine.state_at_end`."""
+    """Return a state that is (angle, velocity): `Engine.state_at_end`."""
     return state
+
+
+@kernel
+def no_workspace(_parameters):
+    return
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Engine:
-    """How the realizations of some scenes are simulated: functions in the order in which they are called.
+    """How the realizations of some scenes are simulated: its functions in the order in which they are called."""
 
-    In Python, once for a scene: `takes` and `parameters_of`. All others are compiled, and depend on nothing but their
-    arguments. Once for a thread: `workspace_of`. Once for a realization: `begin`. In each interval: `draw` and
-    `try_step`. Only where that cannot exclude an event, or where a state is wanted within the interval: `build_force`,
-    and then `step_with_events`, to the time of each such state and to the interval's end. At last, where a state is
-    wanted at the end of the interval: `state_at_end`. An engine whose paths cannot be looked at within a step has
-    `simulate_path` in place of all these from `begin` on.
-
-    `number` counts intervals from the beginning of the run, and j from that of the table period, as the rows of the
-    tables do. A state is a tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest.
-
-    * `method`: name by which a user asks for it; `task`: name by which it is compiled ahead (`batches.task_of`);
-      `file`: source file of its functions.
-    * `takes(scene)`: whether it simulates a scene.
-    * `parameters_of(scene, steps_per_cycle, times)`: what the other functions need, as a tuple of numbers and arrays,
-      among them `block`, a `KernelBlock`, and `grid`, a `TimeGrid`. The times (rows,) are those at which states are
-      wanted, since the beginning of the table period; by default its end alone.
-    * `workspace_of(parameters)`: arrays of a thread that the other functions write to, as a tuple.
-    * `begin(stream, cycle, parameters, workspace)`: draws the start, and the noise up to the cycle at which the run
-      begins; returns (angle, velocity) and the state. A stream (4,) uint64 is the state of the random numbers.
-    * `draw(stream, number, j, cycle, parameters, workspace)`: draws, or computes, the noise in an interval.
-    * `try_step(state, side, number, j, parameters, workspace)`: whether an interval surely passes without an event, and
-      the state at its end if so.
-    * `build_force(number, j, parameters, workspace)`: writes the force in an interval as a polynomial.
-    * `step_with_events(state, end, side, number, j, share, cycle, parameters, workspace, impacts)`: carries a state
-      through a share of an interval, through impacts, rest, lift-off and overturning; `end` is what `try_step` has
-      returned, `impacts` an `ImpactRecord`. Returns state, side, and time τ of overturning, inf for none.
-    * `step_within`: as `step_with_events`, for a share below 1 and to a state that begins with angle and velocity; by
-      default that.
-    * `state_at_end(state, side, number, j, parameters, workspace)`: angle and velocity at the end of an interval.
-    * `simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept)`: as `_simulate_path`.
-    * `renews`: whether a run that begins at another cycle has noise of its own, and not the same function of time.
-    """
-
-    method: str
-    task: str
-    file: str
+    # All functions but the first two are compiled, and depend on nothing but their arguments. `number` counts intervals
+    # from the beginning of the run, and j from that of the table period, as the rows of the tables do. A state is a
+    # tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest. A stream (4,) uint64 is
+    # the state of the random numbers.
+    method: str  # by which a user asks for it
+    task: str  # by which it is compiled ahead (`batches.task_of`)
+    file: str  # source file of its functions
+    # Once for a scene. (scene): whether it simulates it.
     takes: Callable[..., bool]
+    # (scene, steps_per_cycle, times): what the other functions need, as a tuple of numbers and arrays with a `block`,
+    # a `KernelBlock`, and a `grid`, a `TimeGrid`. States are wanted at the times (rows,) since the beginning of the
+    # table period; by default at its end alone.
     parameters_of: Callable[..., Any]
-    workspace_of: Callable[..., Any]
+    # Once for a thread. (parameters): arrays that the other functions write to, as a tuple.
+    workspace_of: Callable[..., Any] = no_workspace
+    # Once for a realization. (stream, cycle, parameters, workspace): draws the start, and the noise up to the cycle at
+    # which the run begins; returns (angle, velocity) and the state.
     begin: Callable[..., Any] | None = None
+    # In each interval. (stream, number, j, cycle, parameters, workspace): draws, or computes, the noise in it.
     draw: Callable[..., Any] | None = None
+    # (state, side, number, j, parameters, workspace): whether it surely passes without an event, and then the state at
+    # its end.
     try_step: Callable[..., Any] | None = None
+    # If not surely, or if a state within it is wanted. (number, j, parameters, workspace): writes the force in it as a
+    # polynomial.
     build_force: Callable[..., Any] | None = None
+    # Then to its end. (state, end, side, number, j, share, cycle, parameters, workspace, impacts): carries a state
+    # through a share of it, through impacts, rest, lift-off and overturning; `end` is what `try_step` has returned,
+    # `impacts` an `ImpactRecord`. Returns state, side, and time τ of overturning, inf for none.
     step_with_events: Callable[..., Any] | None = None
+    # The same to a state within it that begins with angle and velocity; by default `step_with_events`.
     step_within: Callable[..., Any] | None = None
+    # Where a state is wanted at its end. (state, side, number, j, parameters, workspace): angle and velocity there.
     state_at_end: Callable[..., Any] = angle_and_velocity
+    # In place of all from `begin` on, for paths that cannot be looked at within a step; parameters of `_simulate_path`.
     simulate_path: Callable[..., Any] | None = None
-    renews: bool = False
+    renews: bool = False  # whether a run from another cycle on has noise of its own, not the same function of time
 
     @functools.cached_property
     def simulate(self):
@@ -104,17 +98,13 @@ engine = types.ModuleType("engine")
 
 
 def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, overturn_side, impacts):
-    """Simulate the realizations with given numbers (count,), each from its own stream of random numbers, into arrays.
-
-    `keys` (4,) uint64 are those of the seed. `angle`, `velocity` (count, periods * rows + 1), nan before, are filled at
-    the beginning and at the `rows` output times of each table period, up to overturning; `overturn_time`,
-    `overturn_side` (count,) with the time τ, nan for never, and -1, 1, or 0 for never; `impacts` with impacts up to its
-    capacity, all of which are counted. Times count from τ = 0, also where the run begins at a later `cycle`.
-    """
+    """Simulate realizations by their `numbers` (count,) into arrays as of `Batch`; `keys` (4,) are of the seed."""
     # A count of references would cost more than the steps.
     keys, numbers, parameters, angle, velocity, impacts = borrowed(
         (keys, numbers, parameters, angle, velocity, impacts)
     )
+    # States are kept at the beginning and at the `rows` output times of each table period, up to overturning. Times
+    # count from τ = 0, also where the run begins at a later `cycle`. All impacts are counted, also beyond the capacity.
     owned, count = engine.workspace_of(parameters), np.zeros(1, np.int64)
     workspace = borrowed(owned)
     unkept = ImpactRecord(borrowed(count), impacts.time[0, :0], impacts.velocity[0, :0])
@@ -129,11 +119,9 @@ def _simulate(keys, numbers, cycle, parameters, angle, velocity, overturn_time, 
 
 
 def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impacts, unkept):
-    """Simulate one realization into `angle`, `velocity`; return (time, side) of overturning, (nan, 0) for never.
-
-    Impacts on the way to a state within an interval go to `unkept`, which has no room: a record of another type would
-    have all functions of the engine compiled twice.
-    """
+    """Simulate one realization into `angle`, `velocity`; return (time, side) of overturning, or (nan, 0)."""
+    # Impacts on the way to a state within an interval go to `unkept`, which has no room: a record of another type would
+    # have all functions of the engine compiled twice.
     intervals, times, rows = parameters.grid.count, parameters.grid.output_times, parameters.grid.output_times.size
     (x, v), state = engine.begin(stream, cycle, parameters, workspace)
     if abs(x) >= parameters.block.cutoff:
@@ -173,23 +161,19 @@ def _simulate_path(stream, cycle, parameters, workspace, angle, velocity, impact
 
 
 class TimeGrid(NamedTuple):
-    """Equal intervals of the table period: a cycle where the scene repeats, else the time up to the last output.
+    """Equal intervals of the table period: a cycle where the scene repeats, else the time up to the last output."""
 
-    `count`: intervals in it; `spacing`: duration of one; `output_times` (rows,): times since its beginning at which
-    states are wanted, in intervals, ascending; one within rounding of a whole number is it.
-    """
-
-    count: int
-    spacing: float
+    count: int  # intervals
+    spacing: float  # duration of one
+    # (rows,) since the beginning, in intervals, ascending; within rounding of a whole number it is that
     output_times: np.ndarray
 
     @property
     def duration(self):
-        """Duration of the table period."""
         return self.count * self.spacing
 
     def with_all_ends(self):
-        """Return the grid with states wanted at the end of each interval, but in the last one at its last output."""
+        """The grid with states wanted at the end of each interval, in the last one at its last output."""
         return self._replace(output_times=np.append(np.arange(1.0, self.count), self.output_times[-1]))
 
 

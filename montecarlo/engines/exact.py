@@ -1,10 +1,9 @@
 """Event-driven realizations under band noise or none, method "exact": what its three engines share.
 
-Noise and forcing are band-limited. The noise is sampled on a grid that is far coarser than the steps of an integrator,
-and is a polynomial between grid points. Over an interval a block is carried in one flight, and no time step is taken;
-only the intervals in which a bound of the acceleration cannot exclude an event are looked at more closely. The engines
-differ in how a block flies: `exact_slender`, `exact_enveloped`, `exact_block`. Here are the tables of a scene, the
-arrays of a thread, and the way of a block through an interval with events, piece by piece of the envelope.
+Noise and forcing are band-limited: polynomials between the points of a grid far coarser than an integrator's steps.
+Over an interval a block is carried in one flight; only intervals in which a bound of the acceleration cannot exclude an
+event are looked at more closely. Its engines differ in how a block flies: `exact_slender`, `exact_enveloped`,
+`exact_block`.
 """
 
 import math
@@ -46,37 +45,29 @@ from montecarlo.tuning import TUNING
 
 
 class ExactParameters(NamedTuple):
-    """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
-
-    `start` (5,): see `start_parameters`. `halvings`: 2 to this power intervals lie between two samples of the noise.
-    `polynomials` (2^halvings, WIDTH, TERMS), `compensation`, `ratio_scale`: interpolant of the noise. `zeros` (TERMS,).
-    `forced` (m, TERMS): P of the forcing in the time since the interval's middle, or the forcing for an exact block.
-    `least`, `most` (m, 2), indexed [interval, side < 0 or > 0]: between these angles at both ends of an interval a
-    flight has no event in it. `stays` (m,): whether a block at rest surely stays at rest. `envelope`: of the noise.
-    `exponentials`, `bend`: see `physics.motion.intervals.Interval`. `flight`: tables of the engine's flights.
-    """
+    """A scene in numbers, nondimensional, and tables over the m intervals of a table period."""
 
     block: KernelBlock
-    start: np.ndarray
+    start: np.ndarray  # (5,), of `start_parameters`
     band: Band
     grid: TimeGrid
-    halvings: int
-    polynomials: np.ndarray
+    halvings: int  # 2 to this power intervals lie between two samples of the noise
+    polynomials: np.ndarray  # (2^halvings, WIDTH, TERMS): interpolant of the noise
     compensation: np.ndarray
     ratio_scale: float
-    zeros: np.ndarray
-    forced: np.ndarray
-    least: np.ndarray
+    zeros: np.ndarray  # (TERMS,)
+    forced: np.ndarray  # (m, TERMS): P of the forcing by the time since the middle; the forcing for an exact block
+    least: np.ndarray  # (m, 2), by side < 0, > 0: a flight with both ends between `least` and `most` has no event
     most: np.ndarray
-    stays: np.ndarray
+    stays: np.ndarray  # (m,): whether a block at rest surely stays so
     envelope: EnvelopePieces
     exponentials: np.ndarray
     bend: np.ndarray
-    flight: Any
+    flight: Any  # tables of the engine's flights
 
 
 def tables_of_scene(scene, times, finer=False):
-    """Return the parameters without tables of flights; `finer` intervals may lie closer than samples of the noise."""
+    """Return parameters without tables of flights; `finer` intervals may lie closer than samples of the noise."""
     forcing, envelope, block = scene.forcing, scene.noise.envelope, block_of_scene(scene)
     longest = min(TUNING.exact_longest, forcing.shortest_period / TUNING.exact_fewest)
     sampling = math.pi / (OVERSAMPLING * scene.noise.band[1]) if scene.noise.kind == "band" else math.inf
@@ -130,18 +121,13 @@ def _write_clearances(low, high, spacing, block, below, above, stays):
 
 
 class Workspace(NamedTuple):
-    """Arrays of a thread.
-
-    `samples`: of the noise. `node` (CHUNK,): the noise's share of P at the ends of the CHUNK intervals that the last
-    samples complete. `interval`: P in an interval, and scratch. `noise` (TERMS,): the noise in an interval, less its
-    envelope. `acceleration` (1, NODES): u'' of an exact block in the flight that `try_step` has tried.
-    """
+    """Arrays of a thread."""
 
     samples: Samples
-    node: np.ndarray
-    interval: Interval
-    noise: np.ndarray
-    acceleration: np.ndarray
+    node: np.ndarray  # (CHUNK,): the noise's share of P at the ends of the intervals that the last samples complete
+    interval: Interval  # P in an interval, and scratch
+    noise: np.ndarray  # (TERMS,): in an interval, less its envelope
+    acceleration: np.ndarray  # (1, NODES): u'' of an exact block in the flight that `try_step` has tried
 
 
 @kernel

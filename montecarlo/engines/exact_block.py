@@ -1,8 +1,4 @@
-"""An exact block under band noise or none, with an envelope or without: carried by collocation.
-
-The force is known at a few points of an interval by a table times the samples of the noise, and
-`physics.motion.collocation` follows the block by it.
-"""
+"""An exact block under band noise or none, with an envelope or without: carried by `physics.motion.collocation`."""
 
 import math
 from typing import NamedTuple
@@ -22,17 +18,12 @@ from montecarlo.engines.exact import PIECEWISE, is_eventless, tables_of_scene
 
 
 class Collocation(NamedTuple):
-    """Tables of these flights.
+    """Tables of these flights, at the NODES points of an interval."""
 
-    `values` (2^halvings WIDTH, NODES): polynomials of the interpolant at the points of an interval. `forcing` (m,
-    NODES) and `envelope` (m, NODES), (0, NODES) without one: their values there. `slack` (m,): how far the force may
-    pass its values there in the interval, inf with an envelope. `steps`: see `physics.motion.collocation`.
-    """
-
-    values: np.ndarray
-    forcing: np.ndarray
-    envelope: np.ndarray
-    slack: np.ndarray
+    values: np.ndarray  # (2^halvings WIDTH, NODES): polynomials of the interpolant
+    forcing: np.ndarray  # (m, NODES)
+    envelope: np.ndarray  # (m, NODES), (0, NODES) without one
+    slack: np.ndarray  # (m,): how far the force may pass its values at the points, inf with an envelope
     steps: FlightTables
 
 
@@ -58,7 +49,7 @@ def parameters_of(scene, _steps_per_cycle, times=None):
 
 @kernel(forceinline=True)
 def _surely_rests(force, slack, scratch, block):
-    """Whether a block surely stays at rest, by the `force` at the NODES points and how far it may pass these values."""
+    """Whether a block surely stays at rest, by the `force` at the NODES points and the `slack` between them."""
     store(scratch, 0, force)
     low, high = scratch[0, 0], scratch[0, 0]
     for n in range(1, NODES):

@@ -1,7 +1,6 @@
-"""A slender block under band noise with an envelope, η(τ) g(τ).
+"""A slender block under band noise with an envelope, η(τ) g(τ): carried by what the force adds over an interval.
 
-It is carried by what forcing and noise add to its angle and velocity over an interval. As g has kinks the product is
-not band-limited, and P, the particular solution, is started anew in every interval.
+As g has kinks the product is not band-limited, and P, the particular solution, is started anew in every interval.
 """
 
 import math
@@ -20,14 +19,10 @@ from montecarlo.engines.exact import PIECEWISE, has_envelope, is_eventless, tabl
 
 
 class Response(NamedTuple):
-    """Tables of these flights.
+    """Angle and velocity that are added to a flight over an interval."""
 
-    `noise` (order, 2, WIDTH): angle and velocity that the polynomials of the interpolant, times powers of the time, add
-    to a flight over an interval. `forcing` (m, 2): those that the forcing adds.
-    """
-
-    noise: np.ndarray
-    forcing: np.ndarray
+    noise: np.ndarray  # (order, 2, WIDTH), by the interpolant's polynomials times powers of the time
+    forcing: np.ndarray  # (m, 2)
 
 
 def parameters_of(scene, _steps_per_cycle, times=None):

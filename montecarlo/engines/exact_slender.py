@@ -1,7 +1,6 @@
-"""A slender block under band noise or none, in closed form: s + P plus two exponentials.
+"""A slender block under band noise or none, in closed form: s + P plus two exponentials, P the particular solution.
 
-P is the particular solution of forcing and noise, and a polynomial like them. The state is (grow, decay, u): the
-exponentials and the folded angle.
+The state is (grow, decay, u): the exponentials and the folded angle.
 """
 
 import math
@@ -27,14 +26,10 @@ from montecarlo.engines.exact import COMMON, has_envelope, is_eventless, tables_
 
 
 class ClosedForm(NamedTuple):
-    """Tables of these flights.
+    """Tables of these flights."""
 
-    `node` (m, 2): P of the forcing and its derivative at the interval's end. `ends` (2, WIDTH): polynomials of the
-    interpolant there, and their derivatives.
-    """
-
-    node: np.ndarray
-    ends: np.ndarray
+    node: np.ndarray  # (m, 2): P of the forcing and its derivative at the interval's end
+    ends: np.ndarray  # (2, WIDTH): the interpolant's polynomials there, and their derivatives
 
 
 def parameters_of(scene, _steps_per_cycle, times=None):

@@ -53,38 +53,26 @@ _USUAL_STEPS = 200
 
 
 class PartTables(NamedTuple):
-    """Law of noise without a derivative over equal parts of an interval; m of them, or 0 where none are drawn.
-
-    `move`, `spread`, `shape`, `powers`: as of `NoiseTables`, for a part. `hyperbolic` (2,): cosh and sinh of its
-    duration. `gain` (m, n + 2, n + 2): by how much each part is changed for what they miss in the end. `margin`: how
-    far the noise may leave its polynomial over the interval, times the envelope. `slowest`: speed below which a block
-    may come to rest in an interval.
-    """
+    """Law of noise without a derivative over m equal parts of an interval; 0 where none are drawn."""
 
     move: np.ndarray
     spread: np.ndarray
     shape: np.ndarray
     powers: np.ndarray
-    hyperbolic: np.ndarray
-    gain: np.ndarray
-    margin: float
-    slowest: float
+    hyperbolic: np.ndarray  # (2,): cosh and sinh of a part's duration
+    gain: np.ndarray  # (m, n + 2, n + 2): change of each part for what they miss in the end
+    margin: float  # how far the noise may leave its polynomial over the interval, times the envelope
+    slowest: float  # speed below which a block may come to rest in an interval
 
 
 class NoiseTables(NamedTuple):
-    """Law of filtered noise over an interval; n states, and a polynomial of degree d.
+    """Law of filtered noise over an interval: n states, and a polynomial of degree d."""
 
-    `stationary` (n, n): Cholesky factor of the states at τ = 0, of noise of variance 1. `move` (n + 2, n), `spread`
-    (n + 2, n + 2): mean and Cholesky factor of states, angle and velocity at an interval's end. `shape`
-    (d + 1, 2n + 2): Bernstein coefficients of the polynomial from the states at both ends and the flight; `powers`
-    (d + 1, d + 1): its coefficients in the time from them. `parts`: of the interval.
-    """
-
-    stationary: np.ndarray
-    move: np.ndarray
-    spread: np.ndarray
-    shape: np.ndarray
-    powers: np.ndarray
+    stationary: np.ndarray  # (n, n): Cholesky factor of the states at τ = 0, of variance 1
+    move: np.ndarray  # (n + 2, n): mean of states, angle and velocity at an interval's end
+    spread: np.ndarray  # (n + 2, n + 2): their Cholesky factor
+    shape: np.ndarray  # (d + 1, 2n + 2): Bernstein coefficients by the states at both ends and the flight
+    powers: np.ndarray  # (d + 1, d + 1): coefficients in the time by these
     parts: PartTables
 
 
@@ -99,11 +87,8 @@ def noise_tables(noise, span):
 
 
 def _law(space, span, sigma):
-    """Return `move` (n + 2, n) and `spread` (n + 2, n + 2) of `NoiseTables`, for a filter of unit variance.
-
-    Rows are the states, then angle and velocity of the flight. Time counts in intervals within: every entry is then
-    about 1 or less, and none lost in the rounding of another.
-    """
+    """Return `move` and `spread` of `NoiseTables`, for a filter of unit variance: the states, then the flight."""
+    # Time counts in intervals within: every entry is then about 1 or less, and none lost in the rounding of another.
     n = space.order
     drift = np.zeros((n + 2, n + 2))
     drift[:n, :n] = span * space.drift
@@ -163,11 +148,7 @@ def _polynomial_tables(space, span, sigma):
 
 
 def _response(degree, span, begin, end):
-    """Return (2, 2, degree + 1): angle [:, 0] and velocity [:, 1] that forces add to a flight which ends at `span`.
-
-    The forces act from `begin` to `end`: [0] the Bernstein polynomials of an interval [0, `span`], [1] these times the
-    time since `begin`.
-    """
+    """Return (2, 2, degree + 1): angle, velocity by Bernstein polynomials from `begin` to `end`; [1] times the time."""
     points, weights = gauss_legendre(20, -1.0, 1.0)
     since = 0.5 * (end - begin) * (1.0 + points)
     t = (begin + since) / span
@@ -177,20 +158,14 @@ def _response(degree, span, begin, end):
 
 
 class EnvelopeTables(NamedTuple):
-    """The envelope of the noise over m intervals, linear in pieces that end at its kinks; all empty without one.
+    """The envelope of the noise over m intervals, linear in pieces that end at its kinks; all empty without one."""
 
-    `first` (m + 1,): number of the first piece in each interval. `begins`, `ends` (pieces,): times since the interval's
-    beginning. `strength` (pieces, 2): the envelope at a piece's beginning, and its slope. `strongest` (m,): its largest
-    value in an interval. `response` (m, 2, d + 1): angle and velocity that the Bernstein polynomials of degree d, times
-    the envelope, add to a flight.
-    """
-
-    first: np.ndarray
-    begins: np.ndarray
+    first: np.ndarray  # (m + 1,): number of the first piece in each interval
+    begins: np.ndarray  # (pieces,): since the interval's beginning
     ends: np.ndarray
-    strength: np.ndarray
-    strongest: np.ndarray
-    response: np.ndarray
+    strength: np.ndarray  # (pieces, 2): at a piece's beginning, and its slope
+    strongest: np.ndarray  # (m,): largest in an interval
+    response: np.ndarray  # (m, 2, d + 1): angle, velocity that the Bernstein polynomials times the envelope add
 
 
 def envelope_tables(envelope, grid, degree):
@@ -232,20 +207,14 @@ def _linear_pieces(envelope, begins, ends, span):
 
 
 class NoiseWorkspace(NamedTuple):
-    """The noise in an interval, without the factor of its envelope, as far as a realization has come.
+    """The noise in an interval, without the factor of its envelope, as far as a realization has come."""
 
-    `drawn` (2n + 2,): the states at the interval's beginning and at its end, and the angle and velocity that the noise
-    adds to a flight over it. `normals` (n + 2,): scratch. `bernstein` (d + 1,): its Bernstein coefficients; `signal`
-    (TERMS,): its coefficients in the time since the interval's beginning. `stream` (8,) uint64: random numbers of its
-    parts, and as far as these are drawn; `parts` (m, 2n + 2): what `drawn` is, for each of them.
-    """
-
-    drawn: np.ndarray
-    normals: np.ndarray
-    bernstein: np.ndarray
-    signal: np.ndarray
-    stream: np.ndarray
-    parts: np.ndarray
+    drawn: np.ndarray  # (2n + 2,): states at both ends of the interval, and what the noise adds to a flight
+    normals: np.ndarray  # (n + 2,): scratch
+    bernstein: np.ndarray  # (d + 1,)
+    signal: np.ndarray  # (TERMS,): coefficients in the time
+    stream: np.ndarray  # (8,) uint64: random numbers of its parts, and as far as these are drawn
+    parts: np.ndarray  # (m, 2n + 2): `drawn` of each
 
 
 @kernel
@@ -322,10 +291,7 @@ def draw_parts(tables, noise):
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def bound_noise(j, shape, drawn, bernstein, envelope, margin):
-    """Write the noise in interval j, or a part of it, `shape` @ `drawn`, to `bernstein` (d + 1,); return its bounds.
-
-    It lies between the coefficients, but for a `margin`; the bounds (low, high) are with the envelope.
-    """
+    """Write the noise in interval j or a part, `shape` @ `drawn`, to `bernstein`; return bounds with the envelope."""
     low, high = math.inf, -math.inf
     for i in range(bernstein.size):
         value = 0.0
@@ -364,28 +330,21 @@ def response_to_noise(j, envelope, noise):
 
 
 class FilteredParameters(NamedTuple):
-    """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
-
-    `start` (5,): see `start_parameters`. `hyperbolic` (2,): cosh and sinh of an interval's duration. `forced` (m,
-    TERMS): P of the forcing since the interval's beginning, or the forcing itself for an exact block; `low`, `high`
-    (m,): bounds of the forcing; `drift` (m, 2): angle and velocity that it adds to a flight. At the points of
-    `physics.motion.collocation`: `pushes` (m, NODES), the forcing, `basis` (d + 1, NODES), Bernstein polynomials,
-    `strength_at_points` (m, NODES), the envelope; `steps`: its tables.
-    """
+    """A scene in numbers, nondimensional, and tables over the m intervals of a table period."""
 
     block: KernelBlock
-    start: np.ndarray
+    start: np.ndarray  # (5,), of `start_parameters`
     grid: TimeGrid
-    hyperbolic: np.ndarray
+    hyperbolic: np.ndarray  # (2,): cosh and sinh of an interval's duration
     noise: NoiseTables
     envelope: EnvelopeTables
-    forced: np.ndarray
-    low: np.ndarray
+    forced: np.ndarray  # (m, TERMS): P of the forcing since the beginning, or the forcing for an exact block
+    low: np.ndarray  # (m,): bounds of the forcing
     high: np.ndarray
-    drift: np.ndarray
-    pushes: np.ndarray
-    basis: np.ndarray
-    strength_at_points: np.ndarray
+    drift: np.ndarray  # (m, 2): what it adds to a flight
+    pushes: np.ndarray  # (m, NODES): the forcing
+    basis: np.ndarray  # (d + 1, NODES): Bernstein polynomials
+    strength_at_points: np.ndarray  # (m, NODES): the envelope
     steps: FlightTables
 
 
@@ -516,12 +475,10 @@ def _try_step(state, side, _number, j, parameters, workspace):
 
 @kernel(fastmath={"contract"})
 def _build_force(_number, j, parameters, workspace):
-    """Write P of forcing and noise in interval j to `workspace.particular`; for an exact block the force itself.
-
-    Under an envelope only the noise is written, to `workspace.noise.signal`. Time counts from the interval's beginning.
-    The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's, with
-    the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the angle's.
-    """
+    """Write P in interval j (the force for an exact block) to `workspace.particular`; under an envelope the noise."""
+    # The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's,
+    # with the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the
+    # angle's.
     write_polynomial(parameters.noise, workspace.noise)
     if parameters.envelope.strength.size == 0:
         _write_particular(workspace.noise.signal, workspace.particular, parameters.block)

@@ -1,10 +1,8 @@
 """Classical Runge-Kutta of order 4 with Shinozuka noise: the paper's method.
 
-Steps of T/n see the forcing at their beginning, middle and end. Between impacts the motion of a slender block is
-linear, so the four stages add up to one fixed matrix and three fixed weights. A step in which an impact, the cut-off or
-uplift cannot be excluded takes the forcing as the parabola through its three values and follows the block without error
-(`fpk_rocking.physics`): impacts, chatter, rest and first passage are located there, and order 4 is kept because such
-steps are few.
+Steps of T/n see the forcing at their beginning, middle and end; for a slender block the four stages add up to one
+matrix and three weights. A step in which an event cannot be excluded takes the forcing as the parabola through its
+three values and follows the block without error (`fpk_rocking.physics`); order 4 is kept because such steps are few.
 """
 
 import math
@@ -31,35 +29,26 @@ from montecarlo.engines.random import start_parameters
 
 
 class RungeKuttaParameters(NamedTuple):
-    """A scene in numbers, nondimensional.
-
-    `start` (5,): see `start_parameters`. `forcing`, `strength` (n, 3): the forcing and the noise's envelope at the
-    beginning, the middle and the end of the n steps of a table period.
-    """
+    """A scene in numbers, nondimensional."""
 
     block: KernelBlock
-    start: np.ndarray
+    start: np.ndarray  # (5,), of `start_parameters`
     grid: TimeGrid
-    forcing: np.ndarray
-    strength: np.ndarray
+    forcing: np.ndarray  # (n, 3), at the beginning, middle and end of the n steps of a table period
+    strength: np.ndarray  # (n, 3), the noise's envelope
     band: Band
 
 
 class Workspace(NamedTuple):
-    """Arrays of a thread: the noise, and the force in a chunk of m steps with what RK4 makes of it.
-
-    `noise` (2 m + 1,) at the half steps; `force` (m, 3) with it at the three times of the steps; `low`, `high` (m,):
-    bounds of the parabola through these; `push` (m, 2): what the force adds to angle and velocity of a slender block.
-    `particular`, `scratch` (TERMS,) are arrays of a `Segment`.
-    """
+    """Arrays of a thread: the noise, and the force in a chunk of m steps with what RK4 makes of it."""
 
     harmonics: band.Realization
-    noise: np.ndarray
-    force: np.ndarray
-    low: np.ndarray
+    noise: np.ndarray  # (2 m + 1,), at the half steps
+    force: np.ndarray  # (m, 3), at the three times of the steps
+    low: np.ndarray  # (m,), bounds of the parabola through them
     high: np.ndarray
-    push: np.ndarray
-    particular: np.ndarray
+    push: np.ndarray  # (m, 2): what it adds to angle and velocity of a slender block
+    particular: np.ndarray  # (TERMS,), of a `Segment`
     scratch: np.ndarray
 
 

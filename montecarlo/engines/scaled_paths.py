@@ -16,15 +16,11 @@ from montecarlo.engines.exact_block import Collocation
 
 
 class Outcomes(NamedTuple):
-    """What n paths come to, nondimensional.
+    """What n paths come to, nondimensional: nan and 0 for one that stands, as in `montecarlo.Ensemble`."""
 
-    `overturn_time`, `overturn_side` (n,): as in `montecarlo.Ensemble`, nan and 0 of a path that stands. `peak` (n,):
-    largest |Θ| up to overturning, where it is that of overturning.
-    """
-
-    overturn_time: np.ndarray
-    overturn_side: np.ndarray
-    peak: np.ndarray
+    overturn_time: np.ndarray  # (n,)
+    overturn_side: np.ndarray  # (n,)
+    peak: np.ndarray  # (n,): largest |Θ|, that of overturning at most
 
     @property
     def overturned(self):
@@ -33,10 +29,7 @@ class Outcomes(NamedTuple):
 
 
 class ScaledPaths:
-    """Paths of a deterministic scene under its forcing times any factor, by the method "exact".
-
-    `cycles`, `times`: as for `montecarlo.simulate`; overturning counts until the last of them.
-    """
+    """Paths of a deterministic scene under its forcing times any factor, up to the last of the cycles or times."""
 
     def __init__(self, scene, cycles=None, times=None):
         run = checked_run(scene, cycles, None, 1, "exact", 200, times=times)
@@ -76,10 +69,7 @@ class ScaledPaths:
 
 
 def largest_angle(times, angle, velocity):
-    """Return the largest |Θ| of a path by cubics between its states, right to some 1e-5 over intervals of .2.
-
-    An interval with an impact counts at its ends alone: what rises and returns within it has a small angle.
-    """
+    """Return the largest |Θ| of a path by cubics between its states, right to some 1e-5 over intervals of .2."""
     h, side = np.diff(times), np.sign(angle[:-1])
     u, end, v, w = side * angle[:-1], side * angle[1:], side * velocity[:-1], side * velocity[1:]
     turns = (end > 0.0) & (v > 0.0) & (w < 0.0)

@@ -47,21 +47,16 @@ from montecarlo.tuning import TUNING
 
 
 class Population(NamedTuple):
-    """Walkers and the records of their paths.
+    """Walkers and the records of their paths, in the order of time."""
 
-    `score`, `step` (walkers, steps + 1) and `state` (walkers, steps + 1, 3), (u, w, side): records in the order of
-    time, `records` (walkers,) of them. `unfinished` (walkers,): paths that wait for continuation from their last
-    record. `weight` (1,). `levels`, `killed` (1,): counts so far.
-    """
-
-    score: np.ndarray
-    step: np.ndarray
-    state: np.ndarray
-    records: np.ndarray
-    unfinished: np.ndarray
-    weight: np.ndarray
-    levels: np.ndarray
-    killed: np.ndarray
+    score: np.ndarray  # (walkers, steps + 1)
+    step: np.ndarray  # (walkers, steps + 1)
+    state: np.ndarray  # (walkers, steps + 1, 3): (u, w, side)
+    records: np.ndarray  # (walkers,): how many of them
+    unfinished: np.ndarray  # (walkers,): paths that wait for continuation from their last record
+    weight: np.ndarray  # (1,)
+    levels: np.ndarray  # (1,), counted so far
+    killed: np.ndarray  # (1,)
 
 
 @kernel
@@ -126,23 +121,19 @@ def _branch(population, i, parent, level):
 
 
 class NoiselessForcing(NamedTuple):
-    """The forcing from each of m equally spaced times of a cycle on, over `stride` of the intervals between them.
+    """The forcing from each of m equally spaced times of a cycle on, for motion without noise."""
 
-    `segments` (`white.segments_of`) of `duration`; `count` of them make up the time for which the motion without noise
-    is followed.
-    """
-
-    segments: Segment
-    duration: float
-    stride: int
-    count: int
+    segments: Segment  # of `white.segments_of`
+    duration: float  # of a segment
+    stride: int  # times from one segment to the next
+    count: int  # segments that a path is followed for
     block: KernelBlock
 
 
 class ScoreTable(NamedTuple):
-    """`table` (m, 2, n_angle, n_velocity): the score at m times, side < 0 or > 0, u to the cut-off, w to ±`fastest`."""
+    """The score over times, sides, angles and velocities."""
 
-    table: np.ndarray
+    table: np.ndarray  # (m, 2, n_angle, n_velocity): u up to the cut-off, w to ±`fastest`
     fastest: float
     per_angle: float
     per_velocity: float
@@ -246,10 +237,7 @@ def _continue_walker(stream, i, population, steps, parameters, scores):
 
 @kernel
 def simulate_splitting(repeat, keys, walkers, parameters, scores, overturned):
-    """Run one splitting; return the levels passed and the walkers killed.
-
-    The probability of having overturned by each cycle, to the left and to the right, is added to `overturned`.
-    """
+    """Run one splitting, add its probabilities to `overturned`; return the levels passed and the walkers killed."""
     # A count of references would cost more than the steps.
     keys, parameters, scores, overturned = borrowed((keys, parameters, scores, overturned))
     intervals = parameters.grid.count

@@ -47,33 +47,22 @@ from montecarlo.tuning import TUNING
 
 
 class WhiteParameters(NamedTuple):
-    """A scene in numbers, nondimensional, and tables over the m intervals of a table period.
-
-    `start` (5,): see `start_parameters`. `forcing`: see `segments_of`; `stages` (m, 3): its values at the beginning,
-    middle and end of intervals. `diffusion` (m,): D, 0 where it counts as none (`mean_squares`).
-    `drift` (m, 2, 2): angle and velocity of a slender block after an interval from (0, 0),
-    indexed [interval, side < 0 or > 0]; `hyperbolic` (2,): cosh and sinh of an interval's duration; `spread` (m, 3):
-    Cholesky factor of the noise that a slender block gathers. `shortest`: duration of the shortest step. `brief`: half
-    the duration of the longest bounce that is one draw. `reach`: the distance in standard deviations of the angle that
-    a step keeps from a barrier is at most reach t^1.5 after a time t <= span, and `margin` after an interval, (m,)
-    both. `repeats`: whether the table period does, and has no kinks, so that a bounce in one draw may go on into the
-    next intervals.
-    """
+    """A scene in numbers, nondimensional, and tables over the m intervals of a table period."""
 
     block: KernelBlock
     grid: TimeGrid
-    diffusion: np.ndarray
-    start: np.ndarray
-    forcing: Segment
-    stages: np.ndarray
-    drift: np.ndarray
-    hyperbolic: np.ndarray
-    spread: np.ndarray
-    shortest: float
-    brief: float
-    reach: np.ndarray
-    margin: np.ndarray
-    repeats: bool
+    diffusion: np.ndarray  # (m,): D, 0 where it counts as none
+    start: np.ndarray  # (5,), of `start_parameters`
+    forcing: Segment  # of `segments_of`
+    stages: np.ndarray  # (m, 3): the forcing at the beginning, middle and end of intervals
+    drift: np.ndarray  # (m, 2, 2), by side < 0, > 0: a slender block after an interval from (0, 0)
+    hyperbolic: np.ndarray  # (2,): cosh and sinh of an interval's duration
+    spread: np.ndarray  # (m, 3): Cholesky factor of the noise that a slender block gathers
+    shortest: float  # duration of the shortest step
+    brief: float  # half the duration of the longest bounce that is one draw
+    reach: np.ndarray  # (m,): a step keeps reach t^1.5 after t, and `margin` after an interval, from a barrier
+    margin: np.ndarray  # (m,)
+    repeats: bool  # so that a bounce may go on into the next intervals
 
 
 @kernel
@@ -183,11 +172,7 @@ _draw = dispatch_on_block(_draw_slender, _draw_exact)
 
 @kernel(forceinline=True)  # see events.next_event
 def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, start=0.0, end=math.inf, until=0.0):
-    """Take the block from `start` to `end` of interval j; return the folded (u, w, side, time reached).
-
-    Overturned, u is at or above the cut-off. The time is less than `end` if it has overturned, and up to `until` if it
-    bounces then. Times count from the interval's beginning, `origin`, and an `end` beyond the interval's is that.
-    """
+    """Take the block from `start` to `end` of interval j, a bounce up to `until`; return (u, w, side, time)."""
     span, cutoff, time = parameters.grid.spacing, parameters.block.cutoff, start
     end = min(end, span)
     segment = segment_at(parameters.forcing, j)
@@ -242,11 +227,6 @@ def first_side(x, v, parameters):
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 
 
-@kernel
-def _no_workspace(_parameters):
-    return
-
-
 @kernel(forceinline=True)
 def _simulate_path(stream, cycle, parameters, _workspace, angle, velocity, impacts, _unkept):
     """As `_simulate_path` of `engine`; steps end at the output times, as a look within one takes random numbers."""
@@ -283,7 +263,6 @@ ENGINE = Engine(
     file=__file__,
     takes=lambda scene: scene.noise.kind == "white",
     parameters_of=parameters_of,
-    workspace_of=_no_workspace,
     simulate_path=_simulate_path,
     renews=True,
 )

@@ -38,7 +38,7 @@ class Counts(NamedTuple):
     Parameters
     ----------
     times : ndarray, shape (rows,)
-        Nondimensional times from 0 on: whole cycles where the forcing repeats.
+        Nondimensional times from 0 on.
     angle_edges, velocity_edges : ndarray
         Edges of the bins, nondimensional.
     quantum : ndarray, shape (2,)
@@ -46,8 +46,8 @@ class Counts(NamedTuple):
     standing : ndarray of int, shape (rows,)
         Number of realizations that have not overturned.
     passages : ndarray of int, shape (20 (rows - 1) + 1, 2)
-        Number of realizations that overturned to the left and to the right, in each 20th of the time between two times;
-        row 0 is for those that start beyond the cut-off.
+        Number that overturned to the left and to the right in each 20th of the time between two times; in row 0, that
+        start beyond the cut-off.
     histogram : ndarray of int32, shape (rows, n_angle, n_velocity)
         Number of standing realizations in each bin.
     sums : ndarray of int, shape (rows, 2)
@@ -240,10 +240,9 @@ class Sample(SurvivalResult):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Method, seed and sizes, half width, or what the one path does as "outcome": plain values by name.
+        """Method, seed, sizes and half width by name; "outcome" of a single path.
 
-        The outcome is as in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``, with seconds where the
-        size of the block is known.
+        As in ``"deterministic: overturns to the left at τ = 7.62 (1.84 s)"``, with seconds where the block has a size.
         """
         settings = super().metadata | {"realizations": int(self.realizations)}
         return settings | ({"outcome": self._outcome()} if self.deterministic else {})
@@ -298,7 +297,7 @@ class Sample(SurvivalResult):
 
     @property
     def survivors(self) -> Array:
-        """Number of realizations that have not overturned after each cycle, shape (cycles + 1,)."""
+        """Number of realizations that have not overturned after each cycle, (cycles + 1,)."""
         return self.realizations - self.overturned_counts.sum(axis=1)
 
     @property
@@ -308,7 +307,7 @@ class Sample(SurvivalResult):
 
     @property
     def overturned(self) -> Array:
-        """Probability of having overturned, after each cycle, to the left and to the right, shape (cycles + 1, 2)."""
+        """Probability of having overturned to the left and to the right, (cycles + 1, 2)."""
         return self.overturned_counts / self.realizations
 
     def derived(self) -> dict[str, Any]:

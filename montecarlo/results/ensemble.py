@@ -19,8 +19,8 @@ from montecarlo.results.counts import Sample
 class Ensemble(Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
-    Column k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no
-    cycles: it is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
+    Column k of an array is for the time kT after k forcing cycles; where the forcing does not repeat, for ``times[k]``,
+    and a parameter ``cycle`` is such a number k.
 
     Parameters
     ----------
@@ -33,11 +33,11 @@ class Ensemble(Sample):
     times : ndarray, shape (cycles + 1,)
         Times τ of the states, from 0 on.
     angle, velocity : ndarray, shape (realizations, cycles + 1)
-        States at these times: Poincaré points where the forcing repeats; nan after overturning.
+        States, Poincaré points where the forcing repeats; nan after overturning.
     overturn_time : ndarray, shape (realizations,)
         Time τ of overturning; nan for a block that stands.
     overturn_side : ndarray of int8, shape (realizations,)
-        -1 for a block that overturned to the left, +1 to the right, 0 for one that stands.
+        -1 overturned to the left, +1 to the right, 0 stands.
     returns : ndarray of int, shape (2,)
         How many paths that overturned were followed on to the fall, 90 degrees, and how many of these came back. 0
         where the critical angle is unknown, or the angle of overturning is not the default.
@@ -99,25 +99,18 @@ class Ensemble(Sample):
 class Histories(Result):
     """Time histories of independent realizations, with every impact; all quantities are nondimensional.
 
-    There are n = cycles · samples_per_cycle + 1 states of each realization, or n ``times`` where the forcing does not
-    repeat.
-
     Parameters
     ----------
     scene, seed, steps_per_cycle, samples_per_cycle
         As given to `histories`.
-    method : str
-        "exact", "rk4", "white" or "filtered".
-    wall_s : float
-        Seconds that the call took, compilation included.
+    method, wall_s, overturn_time, overturn_side
+        As of `Ensemble`.
     time : ndarray, shape (n,)
-        Times τ of the states, equally spaced from 0 where the forcing repeats.
+        Times τ of the states, from 0 on; n = cycles · samples_per_cycle + 1, equally spaced, where the forcing repeats.
     angle, velocity : ndarray, shape (realizations, n)
         States; nan after overturning.
-    overturn_time, overturn_side : ndarray, shape (realizations,)
-        As of `Ensemble`.
     impact_realization : ndarray of int, shape (n_impacts,)
-        Number of the realization of each impact, ascending; the impacts of a realization are in the order of time.
+        Realization of each impact, ascending, and of each the impacts in the order of time.
     impact_time, impact_velocity : ndarray, shape (n_impacts,)
         Time τ of each impact, and the velocity just before it. A burst of ever smaller impacts (chatter) that an engine
         sums up is not listed.

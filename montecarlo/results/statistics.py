@@ -22,7 +22,6 @@ class Histogram(NamedTuple):
     Attributes
     ----------
     edges : ndarray, shape (n + 1,)
-        Edges of the bins.
     counts : ndarray of int, shape (n,)
         Number of values in each bin.
     density : ndarray, shape (n,)
@@ -47,14 +46,11 @@ class Histogram(NamedTuple):
 
 
 def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
-    """Estimate the probability density of the time of overturning.
-
-    It integrates to the probability of overturning between the outer edges, which is less than 1 where blocks survive.
+    """Estimate the probability density of the time of overturning; where blocks survive it integrates to less than 1.
 
     Parameters
     ----------
     result : Ensemble or Histories
-        Realizations with their times of overturning.
     edges : array_like, shape (n + 1,)
         Ascending times τ; bins are closed to the left, the last one to both sides.
     level : float
@@ -78,16 +74,15 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
 def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
     """Estimate the probability density of the speed just before an impact, over all impacts of all realizations.
 
-    It integrates to the share of the impacts between the outer edges. The impacts of one realization depend on each
-    other; the realizations do not. So the variance of a bin's share is computed as that of a ratio of sums over
-    realizations, and its interval is Wilson's for as many independent impacts as have this variance (cf. E. L. Korn, B.
-    I. Graubard, Survey Methodology 24, 193-201, 1998): at most the number of impacts, and for an empty bin the number
-    of realizations that had an impact.
+    The impacts of one realization depend on each other. So the variance of a bin's share is that of a ratio of sums
+    over realizations, and its interval is Wilson's for as many independent impacts as have this variance (cf. E. L.
+    Korn, B. I. Graubard, Survey Methodology 24, 193-201, 1998): at most all impacts, and for an empty bin the
+    realizations with one.
 
     Parameters
     ----------
     histories : Histories
-        At least two realizations of them have an impact, else ValueError.
+        At least two realizations have an impact, else ValueError.
     edges : array_like, shape (n + 1,)
         Ascending speeds; bins are closed to the left, the last one to both sides.
     level : float
@@ -127,8 +122,7 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
 def bin_errors(probabilities: ArrayLike, realizations: int) -> Array:
     """Return the sampling error of each bin's probability, as `Ensemble.bin_probabilities` estimates them.
 
-    It is half the width of Wilson's interval of one standard deviation: √(p (1 - p)/n) in a bin of many realizations,
-    and about 1/(2 n) in an empty one, where that would be 0.
+    Half of Wilson's interval of one standard deviation: √(p (1 - p)/n), but about 1/(2 n) in an empty bin.
 
     Parameters
     ----------
@@ -155,7 +149,7 @@ def _histogram(edges, counts, trials, interval):
 
 
 class Rate(NamedTuple):
-    """A rate of overturning with its confidence interval.
+    """A rate of overturning.
 
     Attributes
     ----------
@@ -183,9 +177,8 @@ class Rate(NamedTuple):
 def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: int | None = None) -> Rate:
     """Estimate the rate of overturning per forcing cycle of the blocks that still stand after some cycles.
 
-    The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936) and supposes that all
-    blocks have the same rate. Under band noise they have not: its frequencies are drawn once for each block, and blocks
-    in greater danger overturn earlier.
+    The interval is the exact one of a Poisson count (F. Garwood, Biometrika 28, 437-442, 1936), as if all blocks had
+    the same rate. Under band noise they have not: its frequencies are drawn once for each block.
 
     Parameters
     ----------
@@ -196,7 +189,7 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     level : float
         Confidence of the interval, in (0, 1).
     side : {None, -1, 1}
-        Side to which blocks overturn that count: -1 left, 1 right, None either.
+        Side of overturning: -1 left, 1 right, None either.
 
     Examples
     --------

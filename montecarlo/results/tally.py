@@ -21,10 +21,8 @@ class Tally(Sample):
     ----------
     scene, seed, steps_per_cycle
         As given to `tally`.
-    method : str
-        "exact", "rk4", "white" or "filtered".
-    wall_s : float
-        Seconds that all parts of the run took, compilation included.
+    method, wall_s
+        As of `Ensemble`; seconds of all parts of the run.
     counts : Counts
         The counts themselves, from which all else here follows.
 
@@ -90,10 +88,9 @@ class Tally(Sample):
 
     @property
     def first_passage(self) -> Array:
-        """Probability of overturning in each 20th of a cycle, to the left and to the right, shape (20 cycles + 1, 2).
+        """Probability of overturning in each 20th of a row, to the left and to the right, (20 cycles + 1, 2).
 
-        Row j is for τ from (j - 1) T/20 to j T/20, or for a 20th of the time between two of the `times`. Row 0 is for
-        blocks that start beyond the cut-off.
+        Row j is for the j-th of these, row 0 for blocks that start beyond the cut-off.
         """
         return self.counts.passages / self.realizations
 
