@@ -6,7 +6,6 @@ Histories do not keep the force on the block: its noise is drawn again, from the
 import dataclasses
 import functools
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import floor as forces
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import filtered
-from montecarlo.engines.band_noise import band_of_scene, draw_start_and_noise
+from montecarlo.engines.band_noise import allocate_samples, band_of_scene, draw_start_and_noise
 from montecarlo.engines.filtered import bound_noise, draw_first_states, draw_next_interval, draw_parts, workspace_of
 from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
 from montecarlo.results.ensemble import Histories
@@ -140,25 +139,18 @@ def _total_force(scene, seed, count, steps_per_cycle, times):
     force = np.tile([scene.forcing.value(time) for time in times.tolist()], (count, 1))
     if noise.kind == "none":
         return force
-    envelope = 1.0 if noise.envelope is None else noise.envelope.value(times)
     if noise.kind == "band":
-        return force + envelope * _band_noise(scene, seed, count, times)
-    return force + envelope * _filtered_noise(scene, seed, count, steps_per_cycle, times)
-
-
-class _Harmonics(NamedTuple):
-    """Turns per unit of time, phases in turns, and amplitudes of the harmonics of a realization, (n,) each."""
-
-    ratios: np.ndarray
-    phases: np.ndarray
-    weights: np.ndarray
+        drawn = _band_noise(scene, seed, count, times)
+    else:
+        drawn = _filtered_noise(scene, seed, count, steps_per_cycle, times)
+    return force + (1.0 if noise.envelope is None else noise.envelope.value(times)) * drawn
 
 
 def _band_noise(scene, seed, count, times):
     """Return band noise (count, n) without its envelope: the sum of its harmonics."""
     keys, values, band = stream_keys(seed), np.empty((count, times.size)), band_of_scene(scene, 2.0 * math.pi)
     for number in range(count):
-        drawn = _Harmonics(*np.empty((3, band.harmonics)))
+        drawn = allocate_samples(band.harmonics).harmonics
         draw_start_and_noise(open_stream(keys, number), start_parameters(scene.start), band, drawn)
         values[number] = np.cos(np.outer(times, drawn.ratios) + 2.0 * math.pi * drawn.phases) @ drawn.weights
     return values

@@ -124,7 +124,9 @@ def restarted_poincare_map(
     _refuse_unknown_rule(overturned)
     cutoff, rows, place = scene.overturning.angle, [], scene.start
     for cycle in range(cycles):
-        angle, velocity, side = _cycle_images(run._replace(scene=dataclasses.replace(scene, start=place)), cycle)
+        batches = simulate_batches(run._replace(scene=dataclasses.replace(scene, start=place)), cycle=cycle)
+        images = zip(*((batch.angle, batch.velocity, batch.overturn_side) for batch in batches), strict=True)
+        angle, velocity, side = map(np.concatenate, images)
         if cycle == 0:
             rows.append(mean_state(angle[:, 0], velocity[:, 0], side, cutoff, overturned))
         rows.append(mean_state(angle[:, 1], velocity[:, 1], side, cutoff, overturned))
@@ -175,12 +177,6 @@ def correlation_dimension(points: ArrayLike, shortest: float, longest: float) ->
 def _refuse_unknown_rule(overturned):
     if overturned not in ("clamped", "left out"):
         raise ValueError(checks.refusal("overturned", overturned, "'clamped' or 'left out'"))
-
-
-def _cycle_images(run, cycle):
-    """Return angle and velocity before and after a cycle, (realizations, 2), and the side of overturning in it."""
-    batches = [(batch.angle, batch.velocity, batch.overturn_side) for batch in simulate_batches(run, cycle=cycle)]
-    return (np.concatenate(column) for column in zip(*batches, strict=True))
 
 
 def mean_state(angle: Array, velocity: Array, side: Array, cutoff: float, overturned: str) -> tuple[Array, Array, int]:

@@ -191,19 +191,19 @@ def _returns(numbers, run, unseen, parameters, simulate):
     return over.sum(), (over & (angles[:, -1] < cutoff)).sum()
 
 
-_SECONDS = {"exact": 7, "enveloped": 7, "nonlinear": 9, "rk4": 7, "white": 6, "filtered": 7}
-"""What compiling takes, about, by the task of an engine; 2 more for a block that is not slender."""
+_SECONDS = {"exact_slender": 7, "exact_enveloped": 7, "exact_block": 9, "rk4": 7, "white": 6, "filtered": 7}
+"""What compiling takes, about, by the file of an engine; 2 more for a block that is not slender."""
 
 
 def task_of(engine, scene):
     """Return the task that compiles an engine for the kind of block of a scene."""
-    kind = kind_of(scene.block)
-    return Task(f"{__name__}:compile_engine:{engine.task}:{kind}", _SECONDS[engine.task] + 2 * (kind != "slender"))
+    name, kind = engine.file.stem, kind_of(scene.block)
+    return Task(f"{__name__}:compile_engine:{name}:{kind}", _SECONDS[name] + 2 * (kind != "slender"))
 
 
-def compile_engine(task, kind):
-    """Simulate one realization over one cycle, by the engine with the name `task`."""
-    (engine,) = (engine for engine in ENGINES if engine.task == task)
+def compile_engine(name, kind):
+    """Simulate one realization over one cycle, by the engine in the file with this name."""
+    (engine,) = (engine for engine in ENGINES if engine.file.stem == name)
     scene = next(scene for scene in least_scenes(kind).values() if engine.takes(scene))
     run = checked_run(scene, 1, 1, 1, engine.method, 200)
     for _ in simulate_batches(run, followed=0):

@@ -44,8 +44,6 @@ class Engine:
     # tuple of numbers, in variables of the engine's choice; the side is +1, -1, or 0 at rest. A stream (4,) uint64 is
     # the state of the random numbers.
     method: str  # by which a user asks for it
-    task: str  # by which it is compiled ahead (`batches.task_of`)
-    file: str  # source file of its functions
     # Once for a scene. (scene): whether it simulates it.
     takes: Callable[..., bool]
     # (scene, steps_per_cycle, times): what the other functions need, as a tuple of numbers and arrays with a `block`,
@@ -77,6 +75,11 @@ class Engine:
     simulate_path: Callable[..., Any] | None = None
     renews: bool = False  # whether a run from another cycle on has noise of its own, not the same function of time
 
+    @property
+    def file(self):
+        """Source file of its functions; the name of the file is the engine's."""
+        return pathlib.Path(self.parameters_of.__code__.co_filename)
+
     @functools.cached_property
     def simulate(self):
         """The function `_simulate` of this module, compiled for this engine."""
@@ -87,11 +90,12 @@ class Engine:
 
     def _compiled(self, function, functions, **options):
         """Return a compiled copy of `function`, one of this module, in which `engine` has these `functions`."""
-        module = types.ModuleType(self.task)
+        name = self.file.stem
+        module = types.ModuleType(name)
         vars(module).update(functions)
-        copy = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{self.task}")
+        copy = types.FunctionType(function.__code__, globals() | {"engine": module}, f"{function.__name__}_{name}")
         copy.__qualname__ = copy.__name__
-        return kernel(copy, file=pathlib.Path(self.file), **options)
+        return kernel(copy, file=self.file, **options)
 
 
 engine = types.ModuleType("engine")

@@ -91,8 +91,6 @@ def _build_noise(number, _j, parameters, workspace):
 
 
 ENGINE = Engine(
-    task="nonlinear",
-    file=__file__,
     takes=lambda scene: scene.noise.kind in {"none", "band"} and scene.block.critical_angle > 0.0,
     parameters_of=parameters_of,
     try_step=_try_step,

@@ -81,8 +81,6 @@ def _build_noise(number, _j, parameters, workspace):
 
 
 ENGINE = Engine(
-    task="enveloped",
-    file=__file__,
     takes=lambda scene: has_envelope(scene) and not scene.block.critical_angle > 0.0,
     parameters_of=parameters_of,
     try_step=_try_step,

@@ -117,8 +117,6 @@ def _state_at_end(state, side, number, j, parameters, workspace):
 
 
 ENGINE = Engine(
-    task="exact",
-    file=__file__,
     takes=lambda scene: (
         scene.noise.kind in {"none", "band"} and not scene.block.critical_angle > 0.0 and not has_envelope(scene)
     ),

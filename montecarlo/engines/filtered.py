@@ -583,8 +583,6 @@ def _step_with_events(state, _end, side, number, j, share, cycle, parameters, wo
 
 ENGINE = Engine(
     method="filtered",
-    task="filtered",
-    file=__file__,
     takes=lambda scene: scene.noise.kind == "filtered",
     parameters_of=parameters_of,
     workspace_of=workspace_of,

@@ -203,8 +203,6 @@ def _step_with_events(state, _end, side, number, j, share, cycle, parameters, wo
 
 ENGINE = Engine(
     method="rk4",
-    task="rk4",
-    file=__file__,
     takes=lambda scene: scene.noise.kind in {"band", "none"},
     parameters_of=parameters_of,
     workspace_of=workspace_of,

@@ -145,20 +145,16 @@ def score_table(scene, intervals):
     cutoff, span = scene.overturning.angle, scene.period / intervals
     # No faster block falls back, nor comes in from a fall (docs/theory section 7).
     fastest = 1.0 + scene.forcing.swing + 8.0 * math.sqrt(scene.noise.diffusion)
-    forcing = _noiseless_forcing(scene, intervals, span)
-    table = np.empty((intervals, 2, TUNING.score_angles, TUNING.score_velocities), np.float32)
-    run_in_parts(_write_scores, math.prod(table.shape[:3]), table, forcing, fastest)
-    angles, velocities = table.shape[2:]
-    return ScoreTable(table, fastest, (angles - 1) / cutoff, (velocities - 1) / (2.0 * fastest))
-
-
-def _noiseless_forcing(scene, intervals, span):
-    """Return the `NoiselessForcing` of a scene whose cycle has `intervals` of a duration `span` each."""
     # Segments as long as their polynomials are good to 1e-6.
     stride = max(1, int(min(0.8, scene.forcing.longest_piece) / span))
     duration = stride * span
     segments = segments_of(scene.forcing.pieces(np.arange(intervals) * span), duration)
-    return NoiselessForcing(segments, duration, stride, math.ceil(TUNING.foresight / duration), block_of_scene(scene))
+    count = math.ceil(TUNING.foresight / duration)
+    forcing = NoiselessForcing(segments, duration, stride, count, block_of_scene(scene))
+    table = np.empty((intervals, 2, TUNING.score_angles, TUNING.score_velocities), np.float32)
+    run_in_parts(_write_scores, math.prod(table.shape[:3]), table, forcing, fastest)
+    angles, velocities = table.shape[2:]
+    return ScoreTable(table, fastest, (angles - 1) / cutoff, (velocities - 1) / (2.0 * fastest))
 
 
 @kernel(inline="always")

@@ -259,8 +259,6 @@ def _simulate_path(stream, cycle, parameters, _workspace, angle, velocity, impac
 
 ENGINE = Engine(
     method="white",
-    task="white",
-    file=__file__,
     takes=lambda scene: scene.noise.kind == "white",
     parameters_of=parameters_of,
     simulate_path=_simulate_path,

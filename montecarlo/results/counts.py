@@ -7,6 +7,7 @@ than 2^62. A product, at most 2^62, is split into p = 2^32 high + low with 0 <= 
 their own, the low ones to less than 2^63: nothing overflows an int64.
 """
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -15,6 +16,7 @@ import numpy as np
 from fpk_rocking.base.checks import Array
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
+from fpk_rocking.results.result import Result
 from fpk_rocking.results.returns import return_diagnostics
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.survival import SurvivalResult
@@ -204,21 +206,24 @@ def moments(counts: Counts) -> tuple[Array, Array]:
     return mean, covariance
 
 
-class Sample(SurvivalResult):
-    """What an ensemble and a tally have in common: survival from counts, with its sampling error.
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Paths(Result):
+    """What all results of paths have in common: how they were simulated."""
 
-    A subclass is a dataclass with the scene, `method`, `seed`, `steps_per_cycle` and `wall_s`, and has `realizations`,
-    their number; `overturned_counts` (cycles + 1, 2), how many have overturned to the left and to the right; `returns`
-    (2,), how many paths that overturned were followed on to the fall, and how many of them came back;
-    `first_overturning`, earliest and latest time of overturning of the first realization, and the side; None if it
-    stands.
-    """
+    scene: Scene
+    method: str
+    seed: int
+    steps_per_cycle: int
+    wall_s: float
+
+
+class Sample(Paths, SurvivalResult):
+    """What an ensemble and a tally have in common: survival from counts, with its sampling error."""
 
     if TYPE_CHECKING:
-        method: Any
         overturned_counts: Any
         returns: Any
-        first_overturning: Any
+        first_overturning: Any  # earliest and latest time of the first realization's, and the side; None if it stands
 
     noise_replacement = ""
     shown_bins = 24

@@ -9,10 +9,8 @@ import numpy as np
 from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
-from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import Diagnostic
-from fpk_rocking.scene.scene import Scene
-from montecarlo.results.counts import Sample
+from montecarlo.results.counts import Paths, Sample
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -54,11 +52,6 @@ class Ensemble(Sample):
     """
 
     kind: ClassVar = "ensemble"
-    scene: Scene
-    method: str
-    seed: int
-    steps_per_cycle: int
-    wall_s: float
     times: Annotated[Array, "f8 time"]
     angle: Annotated[Array, "f8 realization time"]
     velocity: Annotated[Array, "f8 realization time"]
@@ -96,7 +89,7 @@ class Ensemble(Sample):
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Histories(Result):
+class Histories(Paths):
     """Time histories of independent realizations, with every impact; all quantities are nondimensional.
 
     Parameters
@@ -127,12 +120,7 @@ class Histories(Result):
     """
 
     kind: ClassVar = "histories"
-    scene: Scene
-    method: str
-    seed: int
-    steps_per_cycle: int
     samples_per_cycle: int
-    wall_s: float
     time: Annotated[Array, "f8 time"]
     angle: Annotated[Array, "f8 realization time"]
     velocity: Annotated[Array, "f8 realization time"]

@@ -9,7 +9,6 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
-from fpk_rocking.scene.scene import Scene
 from montecarlo.results.counts import PARTS, Counts, Sample, moments
 
 
@@ -37,11 +36,6 @@ class Tally(Sample):
     """
 
     kind: ClassVar = "tally"
-    scene: Scene
-    method: str
-    seed: int
-    steps_per_cycle: int
-    wall_s: float
     counts: Counts
     shown_bins = 0
 

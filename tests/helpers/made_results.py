@@ -138,7 +138,7 @@ def histories():
     angle, velocity, ends, side = _paths(times, 8, paths)
     rng = np.random.default_rng(9)
     impacts = np.sort(rng.integers(0, paths, 17)), rng.uniform(0.0, times[-1], 17), rng.normal(0.0, 1.0, 17)
-    result = Histories(MAIN, "rk4", 8, 200, samples, 0.5, times, angle, velocity, ends, side, *impacts)
+    result = Histories(MAIN, "rk4", 8, 200, 0.5, samples, times, angle, velocity, ends, side, *impacts)
     numbers, time = map(np.array, zip(*itertools.product(range(paths), times), strict=True))
     columns = {
         "realization": numbers,

@@ -54,7 +54,7 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
         computed = engine.simulate
 
         def watched(keys, numbers, cycle, parameters, angle, *others):
-            rows.append((engine.task, *numbers.tolist(), len(angle)))
+            rows.append((engine.file.stem, *numbers.tolist(), len(angle)))
             computed(keys, numbers, cycle, parameters, angle, *others)
 
         monkeypatch.setitem(vars(engine), "simulate", watched)
@@ -75,7 +75,7 @@ def test_one_path_is_computed_however_many_are_wanted(monkeypatch):
         counted = tally(scene, cycles=5, realizations=200)
         assert np.array_equal(counted.survival, single.survival)
         assert counted.realizations == 200
-    assert {*rows} == {(engine.task, 0, 1) for engine in engines}
+    assert {*rows} == {(engine.file.stem, 0, 1) for engine in engines}
 
 
 def test_a_number_is_required_where_there_is_chance():

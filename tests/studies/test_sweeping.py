@@ -103,8 +103,8 @@ def test_kernels_are_those_of_the_engines_that_will_run():
         )
         return sorted(name.removeprefix("compile_") for name in names)
 
-    assert kernels("mc", SCENE, white, filtered) == ["exact", "filtered", "white"]
-    assert kernels("mc", faded) == ["enveloped"]
+    assert kernels("mc", SCENE, white, filtered) == ["exact_slender", "filtered", "white"]
+    assert kernels("mc", faded) == ["exact_enveloped"]
     assert kernels("mc", faded, SCENE, method="rk4") == ["rk4"]
     assert kernels("mc", white, method="rk4") == []
     assert kernels("fpk", SCENE, white) == ["density"]
