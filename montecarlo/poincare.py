@@ -25,10 +25,8 @@ class MeanMap(NamedTuple):
 
     Attributes
     ----------
-    points : ndarray, shape (cycles + 1, 2)
-        Mean angle and velocity; nan where no realization counts.
-    standard_error : ndarray, shape (cycles + 1, 2)
-        Sampling error of each mean; nan with fewer than two realizations, 0 where nothing is random.
+    points, standard_error : ndarray, shape (cycles + 1, 2)
+        Mean angle and velocity, and their sampling errors: 0 where nothing is random; nan where too few count.
     counted : ndarray of int, shape (cycles + 1,)
         Number of realizations that count.
     overturned_after : int or None
@@ -197,7 +195,6 @@ def mean_state(angle: Array, velocity: Array, side: Array, cutoff: float, overtu
 
 
 def _mean_map(rows, cutoff, deterministic):
-    """Return the `MeanMap` of rows from `mean_state`, one a cycle from τ = 0 on."""
     points, errors, counted = map(np.array, zip(*rows, strict=True))
     if deterministic:
         errors[counted > 0] = 0.0

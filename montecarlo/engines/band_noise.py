@@ -32,7 +32,7 @@ class Band(NamedTuple):
 
 
 def band_of_scene(scene, period):
-    """Return the `Band` of a scene, its frequencies in turns in a time `period`; no harmonics without noise."""
+    """Return the `Band` of a scene, by turns in a time `period`; no harmonics without noise."""
     if scene.noise.kind != "band":
         return Band(0.0, 0.0, 0.0, 0, 1, False)
     low, high = (frequency * period / (2.0 * math.pi) for frequency in scene.noise.band)
@@ -74,7 +74,6 @@ class Samples(NamedTuple):
 
 @kernel
 def allocate_samples(harmonics):
-    """Return `Samples`, of zeros, with room for a number of `harmonics`."""
     return Samples(band.allocate_realization(harmonics, HALF), np.zeros(WIDTH - 1 + CHUNK))
 
 

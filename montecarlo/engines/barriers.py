@@ -94,14 +94,13 @@ def nystrom_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _slender_mean(x, v, side, segment, start, end, block):
-    """Return (x, v, 1.0) of a slender block at `end` of a step without noise; 1 is the noise's factor."""
     x, v = slender_flight_end(x, v, side, segment, start, end, block)
     return x, v, 1.0
 
 
 @kernel(inline="always")
 def _exact_mean(x, v, side, segment, start, end, block):
-    """Return (x, v, κ cos φ) of an exact block at `end` of a step without noise."""
+    """Return (x, v, κ cos φ) at `end` of a step without noise; the factor of the noise is 1 for a slender block."""
     begin, middle = value_and_slope(segment.force, start)[0], value_and_slope(segment.force, 0.5 * (start + end))[0]
     last = value_and_slope(segment.force, end)[0]
     u, w, strength = nystrom_step(side * x, side * v, side, begin, middle, last, end - start, block)

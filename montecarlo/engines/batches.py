@@ -114,7 +114,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
 
 
 def next_size(size, seconds):
-    """Return how many realizations the next batch has: short enough to be interrupted, long enough for all threads."""
+    """How many realizations the next batch has, after one of a `size` that took some `seconds`."""
     return max(TUNING.smallest_batch, int(min(size * TUNING.batch_seconds / seconds, 4 * size)))
 
 

@@ -26,7 +26,6 @@ from montecarlo.tuning import TUNING
 
 @kernel(inline="always")
 def angle_and_velocity(state, _side, _number, _j, _parameters, _workspace):
-    """Return a state that is (angle, velocity): `Engine.state_at_end`."""
     return state
 
 
@@ -82,11 +81,11 @@ class Engine:
 
     @functools.cached_property
     def simulate(self):
-        """The function `_simulate` of this module, compiled for this engine."""
+        """`_simulate`, compiled for this engine."""
         # In line with what allocates the workspace, the compiler knows that its arrays do not overlap.
         functions = vars(self) | {"step_within": self.step_within or self.step_with_events}
         path = self.simulate_path or self._compiled(_simulate_path, functions, inline="always")
-        return self._compiled(_simulate, {**vars(self), "simulate_path": path})
+        return self._compiled(_simulate, functions | {"simulate_path": path})
 
     def _compiled(self, function, functions, **options):
         """Return a compiled copy of `function`, one of this module, in which `engine` has these `functions`."""

@@ -132,7 +132,6 @@ class Workspace(NamedTuple):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread."""
     samples, rows = allocate_samples(parameters.band.harmonics), np.empty((4, TERMS))
     half = 0.5 * parameters.grid.spacing
     exponentials, bend = parameters.exponentials, parameters.bend
@@ -152,7 +151,6 @@ def is_eventless(u, end, side, j, parameters):
 
 @kernel(inline="always")
 def begin(stream, cycle, parameters, workspace):
-    """Draw start and noise: `Engine.begin`."""
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     divide_by_window(samples.harmonics, parameters)
@@ -162,7 +160,7 @@ def begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def draw(_stream, number, _j, cycle, parameters, workspace):
-    """Write the next samples of the noise if the last are used up: `Engine.draw`. All is drawn with the start."""
+    """Write the next samples of the noise if the last are used up; all is drawn with the start."""
     write_next_samples(workspace.samples, number, cycle, parameters)
 
 

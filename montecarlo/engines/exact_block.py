@@ -28,7 +28,6 @@ class Collocation(NamedTuple):
 
 
 def parameters_of(scene, _steps_per_cycle, times=None):
-    """Return the `ExactParameters` of a scene: `Engine.parameters_of`. No steps are taken."""
     tables, envelope = tables_of_scene(scene, times, finer=True), scene.noise.envelope
     force, spacing = force_series(tables.forced), tables.grid.spacing
     middles, points = (np.arange(tables.grid.count) + 0.5) * spacing, 0.5 * spacing * (2.0 * PLACES - 1.0)

@@ -26,7 +26,6 @@ class Response(NamedTuple):
 
 
 def parameters_of(scene, _steps_per_cycle, times=None):
-    """Return the `ExactParameters` of a scene: `Engine.parameters_of`. No steps are taken."""
     tables = tables_of_scene(scene, times)
     half, polynomials, order = 0.5 * tables.grid.spacing, tables.polynomials[0], tables.envelope.strength.shape[1]
 

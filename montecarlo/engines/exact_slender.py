@@ -33,7 +33,6 @@ class ClosedForm(NamedTuple):
 
 
 def parameters_of(scene, _steps_per_cycle, times=None):
-    """Return the `ExactParameters` of a scene: `Engine.parameters_of`. No steps are taken."""
     tables = tables_of_scene(scene, times)
     half = 0.5 * tables.grid.spacing
     node = np.stack(particular_at(tables.forced, half), axis=-1)
@@ -42,7 +41,6 @@ def parameters_of(scene, _steps_per_cycle, times=None):
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
-    """Draw start and noise."""
     samples = workspace.samples
     x, v = draw_start_and_noise(stream, parameters.start, parameters.band, samples.harmonics)
     side = side_of_start(x, v)
@@ -90,7 +88,6 @@ def _build_particular(number, j, parameters, workspace):
 
 @kernel(inline="always")
 def _step_with_events(state, end, side, number, j, _share, cycle, parameters, workspace, impacts):
-    """Carry a block through all of interval j with its events."""
     middle = cycle * (parameters.grid.count * parameters.grid.spacing) + (number + 0.5) * parameters.grid.spacing
     node = parameters.flight.node[j, 0] + workspace.node[number % CHUNK]
     grow, decay, u, side, time = cross_interval(
@@ -101,14 +98,12 @@ def _step_with_events(state, end, side, number, j, _share, cycle, parameters, wo
 
 @kernel(inline="always")
 def _step_within(state, _end, side, _number, _j, share, _cycle, parameters, workspace, impacts):
-    """Return (angle, velocity) after a share of an interval, nan if the block has overturned by then."""
     time, block = (share - 0.5) * parameters.grid.spacing, parameters.block
     return state_in_interval(workspace.interval, state[0], state[1], side, time, block, impacts), side, math.inf
 
 
 @kernel(forceinline=True)
 def _state_at_end(state, side, number, j, parameters, workspace):
-    """Return (angle, velocity) at the end of interval j."""
     grow, decay, u = state
     if side == 0:
         return 0.0, 0.0

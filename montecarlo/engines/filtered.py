@@ -1,23 +1,19 @@
 """Filtered noise: its filter sampled exactly at grid times, and closed-form flights between located impacts.
 
-Over an interval of the grid the filter and the flight of a slender block, which are one linear system, are drawn
-together from their exact Gaussian law: the filter's states at the interval's end, and the angle and velocity that the
-noise adds to the flight. So a flight without an event is exact in law, however long the interval.
+Over an interval of the grid the filter and the flight of a slender block, one linear system, are drawn together from
+their exact Gaussian law. So a flight without an event is exact in law, however long the interval.
 
-Where a bound of the acceleration cannot exclude an event, the noise within the interval is needed. It is taken as the
-polynomial of least degree that has the drawn states at both ends and moves a flight by what was drawn: the conditional
-mean given all that, up to relative order (interval × filter rate). Then `advance_through_events` follows the block
-through impacts, chatter, rest, lift-off and overturning. What the polynomial leaves out acts at events alone, and that
-is the method's only error (docs/monte_carlo.md). Under an envelope, linear in pieces that end at its kinks, the product
-of both is taken in flights too. For an exact block the polynomial is the force in every flight
-(`physics.motion.collocation`): what it leaves out acts in a flight through the curvature of the equation of motion.
+Where an event cannot be excluded, the noise within the interval is taken as the polynomial of least degree that has the
+drawn states at both ends and moves a flight by what was drawn: the conditional mean given all that, up to relative
+order (interval × filter rate). What it leaves out acts at events alone (docs/monte_carlo.md). Under an envelope, linear
+in pieces that end at its kinks, the product of both is taken in flights too. For an exact block the polynomial is the
+force in every flight (`physics.motion.collocation`): what it leaves out acts there through the equation's curvature.
 
 Noise without a derivative crosses the level of lift-off between two such states, and keeps a block rattling that a
-smooth force would let rest. Where an event cannot be excluded it is therefore drawn in equal parts of the interval
-too, given all that was drawn for the interval: parts are drawn forward from the states at the beginning, and what they
-miss at the end is shared out by its covariance with each part, which is exact for Gaussian noise. Their random numbers
-are a function of the interval's, so that the noise is the same function of time whether its parts are drawn or not,
-for any samples, and for runs that begin at any cycle.
+smooth force would let rest. There it is also drawn in equal parts of the interval: forward from the states at the
+beginning, and what the parts miss at the end is shared out by its covariance with each, which is exact for Gaussian
+noise. Their random numbers are a function of the interval's, so that the noise is the same function of time whether its
+parts are drawn or not.
 """
 
 import math
@@ -77,7 +73,6 @@ class NoiseTables(NamedTuple):
 
 
 def noise_tables(noise, span):
-    """Return the `NoiseTables` of a noise for intervals of a duration `span`."""
     space, sigma = noise.space, math.sqrt(noise.variance)
     move, spread = _law(space, span, sigma)
     polynomial = _polynomial_tables(space, span, sigma)
@@ -219,7 +214,6 @@ class NoiseWorkspace(NamedTuple):
 
 @kernel
 def allocate_noise(tables):
-    """Return the `NoiseWorkspace` for some `NoiseTables`."""
     n, terms = tables.stationary.shape[0], tables.powers.shape[0]
     parts = np.zeros((tables.parts.gain.shape[0], 2 * n + 2))
     words = np.zeros(8, np.uint64)
@@ -402,14 +396,12 @@ def parameters_on_grid(scene, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread."""
     rows = np.empty((3, TERMS))
     return Workspace(allocate_noise(parameters.noise), rows[0], rows[1], rows[2])
 
 
 @kernel(inline="always")
 def _begin(stream, cycle, parameters, workspace):
-    """Draw the start, and the noise up to the run's first cycle."""
     state = draw_start(stream, parameters.start)
     draw_first_states(stream, parameters.noise, workspace.noise)
     for _ in range(cycle * parameters.grid.count):
@@ -419,7 +411,6 @@ def _begin(stream, cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _draw(stream, _number, _j, _cycle, parameters, workspace):
-    """Draw the noise of the next interval."""
     draw_next_interval(stream, parameters.noise, workspace.noise)
 
 
@@ -570,7 +561,6 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
 
 @kernel(inline="always")
 def _step_with_events(state, _end, side, number, j, share, cycle, parameters, workspace, impacts):
-    """Carry a block through a share of interval j."""
     origin, until = (cycle * parameters.grid.count + number) * parameters.grid.spacing, share * parameters.grid.spacing
     x, v = state
     if parameters.envelope.strength.size > 0 or _takes_parts(state, side, parameters):

@@ -1,15 +1,13 @@
 """Random numbers: those of realization number r are a function of the seed, the starting cycle and r alone.
 
-`stream_keys` makes four keys of the seed, `keys_at` others for a run that begins later, if its engine renews the noise
-there (`Engine.renews`). `open_stream` makes of the keys and r the state of a generator of its own, and every random
-number of that realization is drawn from this state in a fixed order: first the start (`draw_start`), then the noise. So
-a realization is the same however many others there are, and whichever thread computes it. Splitting opens a stream for
-each walker that it continues, and one more for each repeat.
+`open_stream` makes of the keys of a seed (`stream_keys`, `keys_at`) and r the state of a generator; every random number
+of that realization is drawn from it in a fixed order: first the start (`draw_start`), then the noise. Splitting opens a
+stream for each walker that it continues, and one more for each repeat.
 
 Generator: xoshiro256++ (D. Blackman, S. Vigna, ACM Trans. Math. Softw. 47(4), 36, 2021). A stream's four words of
-state are hashes (the finalizer of splitmix64) of the realization's number under the four keys, so no two realizations
-of a seed share a word. Normals: the ziggurat of 256 layers (G. Marsaglia, W. W. Tsang, J. Stat. Softw. 5(8), 2000, in
-the form of J. A. Doornik, 2005, where the layer and the abscissa use different bits).
+state are hashes (the finalizer of splitmix64) of r under the four keys, so no two realizations of a seed share a word.
+Normals: the ziggurat of 256 layers (G. Marsaglia, W. W. Tsang, J. Stat. Softw. 5(8), 2000, in the form of J. A.
+Doornik, 2005, where the layer and the abscissa use different bits).
 """
 
 import math
@@ -38,7 +36,6 @@ _ENDS, _INSIDE = _ziggurat()
 
 @kernel
 def hash_word(word):
-    """Return the hash of a word, both uint64."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
@@ -62,7 +59,7 @@ def keys_at(keys, cycle):
 
 @kernel
 def open_stream(keys, realization):
-    """Return the first state (4,) uint64 of the generator of a realization, by its number."""
+    """Return the first state (4,) uint64 of the generator of a realization."""
     name = hash_word(np.uint64(realization) + np.uint64(_GOLDEN))
     state = np.empty(4, np.uint64)
     for i in range(4):
@@ -72,7 +69,6 @@ def open_stream(keys, realization):
 
 @kernel(inline="always")
 def _advance_generator(s0, s1, s2, s3):
-    """Return 64 random bits and the next state of a generator."""
     total = s0 + s3
     word = ((total << np.uint64(23)) | (total >> np.uint64(41))) + s0
     s2 ^= s0
@@ -82,7 +78,6 @@ def _advance_generator(s0, s1, s2, s3):
 
 @kernel
 def next_word(state):
-    """Return 64 random bits and advance the state of a stream."""
     word, state[0], state[1], state[2], state[3] = _advance_generator(state[0], state[1], state[2], state[3])
     return word
 
@@ -107,7 +102,6 @@ def uniform(state):
 
 @kernel(forceinline=True)
 def normal(state):
-    """Return a standard normal number."""
     while True:
         word = next_word(state)
         layer = np.int64(word & np.uint64(255))

@@ -53,7 +53,6 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    """Return the parameters of a scene with steps of 1/`steps_per_cycle` of the forcing's time scale."""
     grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
     return RungeKuttaParameters(
         block_of_scene(scene),
@@ -75,7 +74,6 @@ def _envelope_values(envelope, grid):
 
 @kernel
 def workspace_of(parameters):
-    """Return the `Workspace` of a thread, for a chunk of 20 steps at most."""
     n = parameters.grid.count
     chunks = (n + 19) // 20  # of 20 steps at most: noise that is made for an overturned block is in vain
     length = (n + chunks - 1) // chunks
@@ -192,7 +190,6 @@ def _build_force(_number, j, parameters, workspace):
 
 @kernel
 def _step_with_events(state, _end, side, number, j, share, cycle, parameters, workspace, impacts):
-    """Carry a block through a share of step j."""
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
     block = parameters.block
     origin = (cycle + number // n) * (n * h) + (j - k) * h

@@ -24,7 +24,6 @@ class Outcomes(NamedTuple):
 
     @property
     def overturned(self):
-        """Whether each path overturns, (n,)."""
         return self.overturn_side != 0
 
 

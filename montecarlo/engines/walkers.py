@@ -3,10 +3,9 @@
 In the folded plane, u = s x >= 0 and w = s v, a flight has the separatrix z = 0, z = u + w - 1 - s (P + P')
 (docs/theory section 7): z grows as exp(t), away from 0, so only an impact can bring a block from z < 0 nearer to
 escape. The score of a state is the largest of its own z and of those right after the impacts of its motion without
-noise within the next 7 units of time. It does not depend on the noise and stays the same along a path without noise
-until its largest z has passed: only the noise raises it. It is tabulated over angle, velocity and phase; a rough score
-costs accuracy and never brings bias. The motion of an exact block is followed as it is, and z, to which its own
-separatrix tends near the saddle, is taken all the same. Everything is nondimensional.
+noise within the next 7 units of time: only the noise raises it along a path. It is tabulated over angle, velocity and
+phase; a rough score costs accuracy and never brings bias. An exact block takes the same z, to which its own separatrix
+tends near the saddle. Everything is nondimensional.
 
 A walker follows one path; its score is the highest along the path, infinite once the rare event has happened. Again and
 again the lowest score among the n walkers becomes the *level*: all walkers at or below it are killed, K of them, and
@@ -18,9 +17,7 @@ and those have to be killed together (C.-E. Brehier, M. Gazeau, L. Goudenege, T.
 Probab. 26, 3559-3601, 2016; the algorithm: F. Cerou, A. Guyader, Stoch. Anal. Appl. 25, 417-443, 2007).
 
 Of a path only its records are kept, the states at which the score was higher than ever before: no other can be the
-first above a level. The chain is the caller's, who begins every path (`record_score` of its state at step 0) and then
-in turn continues the paths of the walkers that are `unfinished` (`record_score` of each state) and calls `raise_level`,
-until that returns False.
+first above a level.
 """
 
 import functools
@@ -61,7 +58,6 @@ class Population(NamedTuple):
 
 @kernel
 def allocate_population(walkers, steps):
-    """Return a `Population` without a record, all paths unfinished; memory is touched as it fills."""
     return Population(
         np.empty((walkers, steps + 1)),
         np.empty((walkers, steps + 1), np.int64),

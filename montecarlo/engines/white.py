@@ -2,16 +2,12 @@
 
 Away from x = 0 and from the cut-off a step of any length is one draw from the Gaussian of the flight. The draw of an
 exact block, dv = (-s sin φ/α + f cos φ) dt + sqrt(2 D) cos φ dW, is about the path without noise, by a method of order
-4, with the covariance of a slender block times the cos² φ halfway: of weak order 2. A step is as long as it can be
-while neither barrier is within 4 standard deviations, so steps shrink as a barrier comes near, faster than
-geometrically where the block is fast. Once the noise still to come hardly matters, 2 D t < w^2/1000 over the time t
-that the block needs to the barrier at speed w, one more draw carries it to its expected arrival; the small miss is made
-good along a parabola, forwards or backwards alike, so that its first-order effect cancels. A low bounce, from an impact
-to the next, half an interval up and as much down, is one draw: see `montecarlo.engines.barriers`.
+4, with the covariance of a slender block times the cos² φ halfway: of weak order 2. Steps shrink to keep 4 standard
+deviations from both barriers. Once 2 D t < w^2/1000 over the time t that the block needs to the barrier at speed w, one
+more draw carries it to its expected arrival; the small miss is made good along a parabola, forwards or backwards alike,
+so that its first-order effect cancels. A low bounce is one draw: see `montecarlo.engines.barriers`.
 
-No step is shorter than T/(256 steps_per_cycle). That resolution matters where impacts are slow, at speeds about
-sqrt(2 D) times its root, as in a start from rest, and it decides about the bias, which is of first order in it.
-
+No step is shorter than T/(256 steps_per_cycle). The bias is of first order in that; it matters where impacts are slow.
 The motion is folded: u = s x >= 0, w = s v. Everything is nondimensional.
 """
 

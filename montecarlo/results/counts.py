@@ -45,17 +45,13 @@ class Counts(NamedTuple):
         Edges of the bins, nondimensional.
     quantum : ndarray, shape (2,)
         What angles and velocities are rounded to in the sums: powers of two.
-    standing : ndarray of int, shape (rows,)
-        Number of realizations that have not overturned.
+    standing, histogram : ndarray of int, shape (rows,) and (rows, n_angle, n_velocity)
+        Number of realizations that have not overturned, and of these in each bin.
     passages : ndarray of int, shape (20 (rows - 1) + 1, 2)
         Number that overturned to the left and to the right in each 20th of the time between two times; in row 0, that
         start beyond the cut-off.
-    histogram : ndarray of int32, shape (rows, n_angle, n_velocity)
-        Number of standing realizations in each bin.
-    sums : ndarray of int, shape (rows, 2)
-        Sums of angle and velocity over the standing realizations, in quanta.
-    products : ndarray of int, shape (rows, 3, 2)
-        Sums of the products xx, xv and vv in quanta, each as its high and its low half.
+    sums, products : ndarray of int, shape (rows, 2) and (rows, 3, 2)
+        Sums over the standing realizations, in quanta: of angle and velocity; of xx, xv and vv, high and low halves.
     returns : ndarray of int, shape (2,)
         As of `montecarlo.Ensemble`.
 

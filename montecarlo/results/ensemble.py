@@ -32,10 +32,8 @@ class Ensemble(Sample):
         Times τ of the states, from 0 on.
     angle, velocity : ndarray, shape (realizations, cycles + 1)
         States, Poincaré points where the forcing repeats; nan after overturning.
-    overturn_time : ndarray, shape (realizations,)
-        Time τ of overturning; nan for a block that stands.
-    overturn_side : ndarray of int8, shape (realizations,)
-        -1 overturned to the left, +1 to the right, 0 stands.
+    overturn_time, overturn_side : ndarray, shape (realizations,)
+        Time τ of overturning, and side: -1 left, +1 right; nan and 0 for a block that stands.
     returns : ndarray of int, shape (2,)
         How many paths that overturned were followed on to the fall, 90 degrees, and how many of these came back. 0
         where the critical angle is unknown, or the angle of overturning is not the default.
@@ -45,10 +43,8 @@ class Ensemble(Sample):
     >>> from fpk_rocking import load_scene
     >>> from montecarlo import simulate
     >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
-    >>> print(ensemble.survival.round(2), ensemble.angle.shape)
-    [1.   1.   1.   0.97 0.86] (1000, 5)
-    >>> print(ensemble.overturned[4])
-    [0.027 0.111]
+    >>> print(ensemble.survival.round(2), ensemble.overturned[4], ensemble.angle.shape)
+    [1.   1.   1.   0.97 0.86] [0.027 0.111] (1000, 5)
     """
 
     kind: ClassVar = "ensemble"

@@ -21,13 +21,10 @@ class Histogram(NamedTuple):
 
     Attributes
     ----------
-    edges : ndarray, shape (n + 1,)
-    counts : ndarray of int, shape (n,)
-        Number of values in each bin.
-    density : ndarray, shape (n,)
-        Mean density over each bin.
-    interval : ndarray, shape (n, 2)
-        Confidence limits of the density.
+    edges, counts : ndarray, shape (n + 1,) and (n,)
+        Edges of the bins, and number of values in each.
+    density, interval : ndarray, shape (n,) and (n, 2)
+        Mean density over each bin, and its confidence limits.
 
     Examples
     --------
