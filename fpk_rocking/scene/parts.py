@@ -67,7 +67,7 @@ class Body(BlockSize):
 
     @property
     def symmetric(self) -> bool:
-        """Whether the centre of mass is in the middle (bool)."""
+        """Whether the centre of mass is in the middle."""
         return self.right == self.left
 
     @property
@@ -229,19 +229,13 @@ class Block:
         return (self.restitution, self.restitution) if isinstance(self.restitution, float) else self.restitution
 
     def restitution_text(self, digits: str = "g") -> str:
-        """Return the restitution as a text, "0.88", or "left to right 0.88, right to left 0.85" where it differs.
-
-        `digits` is the format of a number, as ".4g".
-        """
+        """Return the restitution as a text, "0.88", or "left to right 0.88, right to left 0.85" where it differs."""
         left, right = (format(value, digits) for value in self.restitution_by_side)
         return left if isinstance(self.restitution, float) else f"left to right {left}, right to left {right}"
 
     @property
     def lift_off(self) -> float:
-        """Largest nondimensional force |f| under which the block stays at rest: tan(α)/α, 1 for a slender block.
-
-        That of the easier side.
-        """
+        """Largest nondimensional force |f| under which the block stays at rest: tan(α)/α of its easier side."""
         return lift_off(self.critical_angle)
 
     @property
@@ -254,21 +248,14 @@ class Block:
         return math.tan(angle) if angle > 0.0 else None
 
     def require_symmetric(self, what: str, instead: str) -> None:
-        """Raise ValueError where the sides differ; else return None.
-
-        Two texts are for the message: `what` needs equal sides and why, as "the density, which ...", and `instead`,
-        what the user may do.
-        """
+        """Raise ValueError where the sides differ; it says `what` needs equal ones, and what to do `instead`."""
         if not self.symmetric:
             size, accepted = self.body, f"equal sides and one restitution for {what}; {instead}"
             raise ValueError(checks.refusal("block.body", f"{size}, e = {self.restitution_text('.4g')}", accepted))
 
 
 def _restitution(value, directed):
-    """Return a restitution `value` after a check: a float, or a pair (from the left, from the right) that differ.
-
-    Two are accepted where impacts may be `directed` (bool), else TypeError; ValueError outside 0 to 1.
-    """
+    """Return a restitution after a check: a float or, where impacts may be `directed`, a pair that differs."""
     name = "block.restitution"
     if directed and not isinstance(value, str | bytes) and hasattr(value, "__iter__"):
         accepted = "a number, or [from the left, from the right], each from 0 to 1"
@@ -310,10 +297,7 @@ class Start:
 
 
 def _covariance(value):
-    """Return a covariance, a sequence of two rows of two numbers, as a tuple ((xx, xv), (xv, vv)) of floats.
-
-    TypeError or ValueError for anything else, and where it is not symmetric and positive definite.
-    """
+    """Return a covariance as a tuple ((xx, xv), (xv, vv)) after a check that it is symmetric and positive definite."""
     name = "start.covariance"
     accepted = "[[xx, xv], [xv, vv]], symmetric and positive definite (leave it out to start from a point)"
     sequence = checks.sequence(name, value, accepted)
@@ -353,20 +337,14 @@ class Overturning:
 
 
 def check_cutoff(cutoff: float, critical_angle: float) -> None:
-    """Raise ValueError for an angle of overturning `cutoff`, in critical angles, at which gravity turns a block back.
-
-    `critical_angle`: α, radians.
-    """
+    """Raise ValueError for a cut-off, in critical angles, at which gravity turns a block back."""
     if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
         most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
         raise ValueError(checks.refusal("overturning.angle", cutoff, most))
 
 
 def size_of_block(width: Any, height: Any, gravity: Any, body: Any) -> Dimensions | Body:
-    """Return the size of a block: `Dimensions` of `width`, `height` and `gravity`, or `body` where that is a `Body`.
-
-    They are as of `Scene.from_block`: metres and m/s², or texts with a unit; ValueError for both.
-    """
+    """Return the `Dimensions`, or the `Body` where there is one; ValueError for both."""
     if body is None:
         return Dimensions(width, height, gravity)
     usual = ("width", width, None), ("height", height, None), ("gravity", gravity, STANDARD_GRAVITY)
@@ -379,11 +357,7 @@ def size_of_block(width: Any, height: Any, gravity: Any, body: Any) -> Dimension
 def shaking_of_block(
     size: Dimensions | Body, peak: Any, hertz: Any, record: Any, pulse: Any, pulse_cycles: Any, phase: float
 ) -> Harmonic | Pulse | Record:
-    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size.
-
-    `size` is the `Dimensions` or the `Body`. `peak` (m/s²) and `hertz` (Hz) are numbers, texts with a unit, or None;
-    the others are as of `Scene.from_block`.
-    """
+    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size."""
     if record is not None:
         checks.instance("record", record, Record)
         for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):

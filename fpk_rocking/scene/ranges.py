@@ -47,19 +47,7 @@ PARTS = 20
 
 
 def check(scene: Any) -> None:
-    """Raise an error for a scene that the engines cannot carry; else return None.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Raises
-    ------
-    TypeError
-        Not a scene.
-    ValueError
-        A value is out of the engines' range; the message names it.
-    """
+    """Raise TypeError or ValueError, which names the value, for a scene that the engines cannot carry."""
     scene.forcing.check_range()
     for name, (low, high) in _RANGES.items():
         values: Any = scene
@@ -76,10 +64,7 @@ def check(scene: Any) -> None:
 
 
 def _check_band(noise, frequency):
-    """Raise ValueError for a `BandNoise` with frequencies above 1e4, or 1e5 `frequency`, or over 100,000 harmonics.
-
-    `frequency` is that of the forcing; all are nondimensional.
-    """
+    """Raise ValueError for frequencies above 1e4 or 1e5 times that of the forcing, or over 100,000 harmonics."""
     highest = min(1e4, 1e5 * frequency)
     if noise.band[1] > highest:
         accepted = f"frequencies up to {highest:g}, and up to 100000 times that of the forcing{checks.ENGINES}"
@@ -89,10 +74,7 @@ def _check_band(noise, frequency):
 
 
 def _check_filter(noise, frequency):
-    """Raise ValueError for a `FilteredNoise` whose rates or damping are not resolved, or that is far too fast.
-
-    Its fastest rate may be up to 1e4 times the forcing's `frequency`, nondimensional.
-    """
+    """Raise ValueError for rates or damping not resolved, or a rate above 1e4 times the forcing's frequency."""
     low, high = 1e-3, 1e3
     if noise.damping is not None and not low <= noise.damping <= high:
         raise ValueError(checks.refusal("noise.damping", noise.damping, f"from {low:g} to {high:g}{checks.ENGINES}"))
@@ -110,7 +92,7 @@ def _check_filter(noise, frequency):
 
 
 def _check_covariance(start):
-    """Raise ValueError for a `Start` with a variance beyond 1e-24 to 1e8, nondimensional; one at a point passes."""
+    """Raise ValueError for a start with a variance beyond 1e-24 to 1e8."""
     if start.covariance is None:
         return
     low, high = 1e-24, 1e8
@@ -121,9 +103,9 @@ def _check_covariance(start):
 
 
 def _check_bounces(scene):
-    """Raise ValueError for a scene with an elastic block that starts so slowly that following its bounces has no end.
+    """Raise ValueError for an elastic block that starts so slowly that following its bounces has no end.
 
-    That is for noise other than white, which speeds it up.
+    White noise is left out, as it speeds the block up.
     """
     start = scene.start
     (xx, _), (_, vv) = start.covariance or ((0.0, 0.0), (0.0, 0.0))
@@ -141,17 +123,7 @@ def _check_bounces(scene):
 def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     """Return sentences on sizes and accelerations of a scene that were hardly meant: metres for mm, m/s² for g.
 
-    Parameters
-    ----------
-    scene : Scene
-        Nothing is said of a block without dimensions.
-    least, most : float
-        Smallest and largest factor by which its shaking is multiplied.
-
-    Returns
-    -------
-    list of str
-        Empty where nothing is implausible.
+    The shaking is multiplied by factors from `least` to `most`. Nothing is said of a block without a size.
     """
     size = scene.block.size
     if size is None:
@@ -190,7 +162,7 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
 
 
 def _noise_rms(noise):
-    """Return the root mean square of a noise of any kind, nondimensional; inf for white noise."""
+    """Return the root mean square of a noise; inf for white noise."""
     if noise.kind == "white":
         return math.inf if noise.diffusion > 0.0 else 0.0
     return math.sqrt(noise.variance)
@@ -202,26 +174,10 @@ def _in_both_units(acceleration):
 
 
 def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | None = None) -> Array:
-    """Return the times τ (n + 1,) of a result, nondimensional, the first 0.
+    """Return the times τ (n + 1,) of a result, the first 0: after `cycles`, or at `times`, each exactly where it fits.
 
-    Parameters
-    ----------
-    scene : Scene
-    cycles : int, optional
-        Forcing cycles, at least 1; given exactly where the forcing repeats.
-    times : array_like, optional
-        Ascending times τ, 0 or later, for a forcing that does not repeat. By default `PARTS` equal parts of its
-        duration and, `SETTLING` later, when free blocks have settled or overturned.
-
-    Returns
-    -------
-    ndarray, shape (n + 1,)
-        Ascending: n cycles or n times after the 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Cycles where there are none, times where there are cycles, or one that is refused.
+    A forcing that does not repeat has by default `PARTS` equal parts of its duration and, `SETTLING` later, the time
+    when free blocks have settled or overturned.
     """
     if scene.period is not None:
         if times is not None:
@@ -244,23 +200,7 @@ def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | Non
 
 
 def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
-    """Return the edges of bins as an array of float (n + 1,), after a check.
-
-    Parameters
-    ----------
-    name : str
-        Of the parameter, for the message.
-    value : array_like, shape (n + 1,)
-    finite : bool
-        Whether the outer edges have to be finite.
-
-    Raises
-    ------
-    TypeError
-        Not real numbers.
-    ValueError
-        Fewer than two edges, or they are nan, infinite against the rule, or do not ascend.
-    """
+    """Return the edges of bins (n + 1,) after a check; `finite`: whether the outer ones have to be."""
     accepted = f"two or more {'finite ' if finite else ''}numbers in ascending order"
     edges = checks.array(name, value, accepted)
     ascending = edges.ndim == 1 and edges.size >= 2 and np.all(edges[:-1] < edges[1:])
@@ -270,7 +210,7 @@ def ascending_edges(name: str, value: ArrayLike, *, finite: bool) -> np.ndarray:
 
 
 def centred_edges(low: float, high: float, count: int) -> Array:
-    """Return the edges (n,) of equal bins that cover the interval from `low` to `high`, `count` of them as wide as it.
+    """Return the edges of equal bins that cover the interval from `low` to `high`, `count` of them as wide as it.
 
     0, where blocks rest, is amid a bin.
     """
@@ -281,22 +221,13 @@ def centred_edges(low: float, high: float, count: int) -> Array:
 def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Return edges of bins of width 0.1 over angles up to the cut-off and the velocities that can be expected there.
 
-    x = 0 and v = 0 are edges. The velocity bound is derived for long flights: with s the side and B the forcing's swing
-    (A/sqrt(1+Ω²) of a harmonic one), the amplitude of the driven relaxation, w = v - x obeys dw/dτ = -w - s + f. On the
-    right side w so tends to [-1-B, B-1] from at most e (1 + B), after an impact at speed 1 + B, and v = w + x with x
-    between 0 and the cut-off c gives |v| <= max(1 + B, c + e (1 + B), c + B - 1). Before w has forgotten the impact it
-    may pass this: with a cut-off far out, strong forcing and e < .3 by up to 28 % in 1,466 random scenes. The spread of
-    w under white noise, sqrt(D), is added four times; a start far from rest widens the range.
-
-    Parameters
-    ----------
-    scene : Scene
-        Block, forcing, noise, start and overturning are used.
-
-    Returns
-    -------
-    angle_edges, velocity_edges : ndarray, shapes (n + 1,) and (m + 1,)
-        Nondimensional, symmetric about 0. The main scene has 32 bins on [-1.6, 1.6] and 64 on [-3.2, 3.2].
+    x = 0 and v = 0 are edges; the main scene has 32 bins on [-1.6, 1.6] and 64 on [-3.2, 3.2]. The velocity bound is
+    derived for long flights: with s the side and B the forcing's swing (A/sqrt(1+Ω²) of a harmonic one), the amplitude
+    of the driven relaxation, w = v - x obeys dw/dτ = -w - s + f. On the right side w so tends to [-1-B, B-1] from at most
+    e (1 + B), after an impact at speed 1 + B, and v = w + x with x between 0 and the cut-off c gives |v| <= max(1 + B,
+    c + e (1 + B), c + B - 1). Before w has forgotten the impact it may pass this: with a cut-off far out, strong
+    forcing and e < .3 by up to 28 % in 1,466 random scenes. The spread of w under white noise, sqrt(D), is added four times; a
+    start far from rest widens the range.
     """
     cut_off = scene.overturning.angle
     driven = scene.forcing.swing
@@ -311,6 +242,6 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _edges(bound) -> np.ndarray:
-    """Return the edges (n,) of bins of width 0.1 from -bound to `bound` (float), which is rounded up to a tenth."""
+    """Return the edges of bins of width 0.1 from -bound to `bound`, which is rounded up to a tenth."""
     half = math.ceil(round(bound * 10, 9))
     return np.arange(-half, half + 1) / 10

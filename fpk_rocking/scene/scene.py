@@ -109,15 +109,6 @@ class Scene:
         **parts : dict or part of a scene
             New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A change
             of the noise drops its ``remark``, and a new size the critical angle, unless a new one is given.
-
-        Returns
-        -------
-        Scene
-
-        Raises
-        ------
-        TypeError, ValueError
-            A part or a key is unknown, or a value is refused.
         """
         own = fields_of(self)
         checks.arguments("", own | parts, Scene)
@@ -136,11 +127,6 @@ class Scene:
 
         This is an approximation of band noise and filtered noise, see `fpk_rocking.melnikov.equivalent_diffusion`. A
         scene without noise gets white noise of diffusion 0; one with white noise is returned as it is.
-
-        Returns
-        -------
-        Scene
-            Its noise is a WhiteNoise.
         """
         if self.noise.kind == "white":
             return self
@@ -153,11 +139,6 @@ class Scene:
 
         The low-pass noise, of damping ζ = 1/√2, has the variance and the Melnikov variance of the band noise. Unlike
         white noise it lets a block rest. A scene with filtered noise is returned as it is.
-
-        Returns
-        -------
-        Scene
-            Its noise is a FilteredNoise.
 
         Raises
         ------
@@ -248,16 +229,6 @@ class Scene:
             Angle that counts as overturning, degrees, in place of `overturning`: 90 is the fall itself.
         slender : bool
             Take the equation of motion of a slender block instead of the exact one.
-
-        Returns
-        -------
-        Scene
-
-        Raises
-        ------
-        TypeError, ValueError
-            A value is refused, the block is too squat for the default restitution, or only one of strength and band of
-            the noise is given.
         """
         size = size_of_block(width, height, gravity, body)
         forcing = shaking_of_block(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
@@ -299,15 +270,6 @@ class Scene:
         changes : dict of str, optional
             Values that replace those of the text, by dotted names: ``{"forcing.peak_acceleration": "0.3 g"}``. A new
             ``kind`` drops the other keys of its table.
-
-        Returns
-        -------
-        Scene
-
-        Raises
-        ------
-        TypeError, ValueError
-            The text is not TOML, or a key is unknown, missing or refused; the message names it.
         """
         try:
             document = tomllib.loads(text)
@@ -352,16 +314,12 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
     changes : dict of str, optional
         As for `Scene.from_toml`.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     FileNotFoundError
         There is no such file, nor a scene of this name.
     TypeError, ValueError
-        As `Scene.from_toml`; the message begins with the path.
+        A value is refused; the message begins with the path.
 
     Examples
     --------
@@ -388,9 +346,9 @@ def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:
 
 
 def under_motion(scene: Scene, motion: Forcing) -> Scene:
-    """Return a copy of a scene with the forcing `motion`.
+    """Return a copy of a scene with another forcing.
 
-    Where its band noise has the default number of harmonics for its own forcing, it has that for the motion.
+    Where its band noise has the default number of harmonics for its own forcing, it has that for the other.
     """
     moved, noise = dataclasses.replace(scene, forcing=motion), scene.noise
     if noise.kind != "band" or scene != with_harmonics(scene, None, noise.frequencies):

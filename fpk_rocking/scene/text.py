@@ -36,36 +36,15 @@ _WITH_UNITS = {"frequency": "frequency_hz", "angle": "angle_deg"} | {
 
 
 def without_units(name: str, table: dict[str, Any], size: BlockSize | None) -> dict[str, Any]:
-    """Return a table of a scene with nondimensional quantities in place of those with units.
+    """Return a table of a scene with nondimensional quantities under their keys in place of those with units.
 
-    Parameters
-    ----------
-    name : str
-        Of the table, for messages.
-    table : dict
-        A key ``peak_acceleration`` becomes ``amplitude``, ``rms_acceleration`` ``variance``, and ``x_hz``, ``x_s`` and
-        ``x_deg`` become ``x``. Values are as `fpk_rocking.scene.units.in_units` takes them.
-    size : Dimensions, Body or None
-        Of the block.
-
-    Returns
-    -------
-    dict
-        A new table, with the same entries under nondimensional keys.
-
-    Raises
-    ------
-    TypeError, ValueError
-        A value is refused, the block has no size, or a quantity is given twice.
+    `name` is that of the table, `size` that of the block; `nondimensional` says which keys have units.
     """
     return {nondimensional(key): _nondimensional_value(name, key, table, size) for key in table}
 
 
 def _nondimensional_value(name, key, table, size):
-    """Return the value of the entry `key` of a table (dict), converted to a nondimensional one; ValueError if refused.
-
-    `name` is the table's, and `size` the `Dimensions` or `Body` of the block, or None.
-    """
+    """Return the value of an entry of a table, converted to a nondimensional one."""
     value, plain = table[key], nondimensional(key)
     name = f"{name}.{key}"
     if isinstance(value, dict):
@@ -85,11 +64,7 @@ def _nondimensional_value(name, key, table, size):
 
 
 def nondimensional(key: str) -> str:
-    """Return the key of the nondimensional quantity for which a key of a scene file stands: "band" for "band_hz".
-
-    "peak_acceleration" gives "amplitude", and "rms_acceleration" "variance". Any other key without a unit is returned
-    as it is, and so is "corner_hz", as a record is in seconds.
-    """
+    """Return the key of the nondimensional quantity for which a key of a scene file stands: "band" for "band_hz"."""
     if key == "corner_hz":  # of a record, which is in seconds
         return key
     ending = next((ending for ending in _SUFFIXES if key.endswith(ending)), "")
@@ -97,10 +72,7 @@ def nondimensional(key: str) -> str:
 
 
 def _converted(name, key, value, size):
-    """Return a `value` with a unit, a number, a text or a list of such, as a nondimensional float or a list of floats.
-
-    `name` is its dotted name, `key` the last part of that, and `size` the `Dimensions` or `Body` of the block.
-    """
+    """Return a quantity with a unit, or a list of them, as a nondimensional float, or a list."""
     if key in _STRENGTHS:
         strength = checks.number(name, in_units(name, value, "acceleration"), at_least=0.0)
         return size.amplitude(strength) ** _STRENGTHS[key][1]
@@ -113,34 +85,12 @@ def _converted(name, key, value, size):
 
 
 def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
-    """Read a part of a scene from its table.
-
-    Parameters
-    ----------
-    name : str
-        "block", "forcing", "noise", "start" or "overturning".
-    table : dict
-        Its TOML table, its quantities nondimensional but for those of the block and of a record.
-    folder : str or pathlib.Path
-        That the file of a record is relative to.
-
-    Returns
-    -------
-    Block, Harmonic or another forcing, a noise, Start or Overturning
-
-    Raises
-    ------
-    TypeError, ValueError
-        A key is unknown, missing or refused; the message names it.
-    """
+    """Read a part of a scene, "block" or another, from its table; the file of a record is relative to a folder."""
     return _READERS[name](name, table, folder)
 
 
 def table_of(name: str, part: Any) -> str:
-    """Return the TOML table, as a text, of a part of a scene, a dataclass, without parts that have tables of their own.
-
-    `name` is that of the table.
-    """
+    """Return the TOML table of a part of a scene, without parts that have tables of their own."""
     if isinstance(part, Filter) and part.kind not in FILTER_KINDS:
         part = part.faster(1.0)  # a class that no reader knows, as its three matrices
     lines = [f"[{name}]"]
@@ -154,15 +104,12 @@ def table_of(name: str, part: Any) -> str:
 
 
 def _read(cls):
-    """Return a function (name, table, folder) that makes an object of the dataclass `cls` of a table (dict)."""
+    """Return a reader (name, table, folder) of an object of a dataclass."""
     return lambda name, table, _: cls(**checks.arguments(name, table, cls))
 
 
 def _block(name, table, folder):
-    """Return the `Block` of a table (dict), with the table of its dimensions or its body.
-
-    `name` is the table's; the folder, for files, is not used.
-    """
+    """Read a block, with the table of its dimensions or its body."""
     values = checks.arguments(name, table, Block)
     for part, cls in (("dimensions", Dimensions), ("body", Body)):
         if part in values:
@@ -171,14 +118,9 @@ def _block(name, table, folder):
 
 
 def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arguments)):
-    """Return a function (name, table, folder) that makes an object of a table (dict), of the class that "kind" names.
-
-    `classes` (dict) are these by their kind, `default` is the kind where the key is missing, or None where it is
-    required, and `make(cls, name, table, folder)` makes an object from the table without its kind.
-    """
+    """Return a reader of objects of the class that "kind" names; `default` is the kind where the key is missing."""
 
     def read(name, table, folder):
-        """Return the object of a table (dict); `name` is the table's, and files in it are relative to a folder."""
         values, accepted = dict(checks.table(name, table)), ", ".join(map(repr, classes))
         kind = values.pop("kind", default)
         if kind is None:
@@ -191,10 +133,7 @@ def _of_kind(classes, default=None, make=lambda cls, *arguments: _read(cls)(*arg
 
 
 def _noise(name, table, folder):
-    """Return the noise of a table (dict), of one of the classes `NOISES`, with the tables of its envelope and filter.
-
-    `name` is the table's; the folder, for files, is not used.
-    """
+    """Read a noise, with the tables of its envelope and filter."""
     values = dict(checks.table(name, table))
     if "envelope" in values:
         values["envelope"] = _of_kind(ENVELOPES)(f"{name}.envelope", values["envelope"], folder)
@@ -213,7 +152,7 @@ _READERS = {
 
 
 def _literal(value):
-    """Return a str, a bool, an int, a float, or a tuple of such, nested or not, as TOML text."""
+    """Return a value, or a tuple of values, as TOML text."""
     if isinstance(value, str):
         return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
     if isinstance(value, bool):
@@ -227,15 +166,12 @@ def _literal(value):
 
 
 def fields_of(value: Any) -> dict[str, Any]:
-    """Return the fields of a dataclass object as a dict by name, themselves and not copied."""
+    """Return the fields of a dataclass object by name, themselves and not copied."""
     return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
 
 
 def change_document(document: dict[str, Any], name: str, value: Any) -> None:
-    """Set a `value` in place in `document`, parsed TOML (dict), by its dotted name; tables that are missing are added.
-
-    Another form of the same quantity gives way to it.
-    """
+    """Set a value in parsed TOML by its dotted name, in place of other forms of the same quantity."""
     *path, key = name.split(".")
     table = document
     for place, part in enumerate(path):
@@ -250,11 +186,10 @@ NOISE_CYCLES = 30
 
 
 def with_harmonics(scene: Any, harmonics: int | None, frequencies: str) -> Any:
-    """Return a copy of a scene whose band noise has `harmonics` (their number) and `frequencies` (how they are drawn).
+    """Return a copy of a scene whose band noise has so many harmonics, "stratified" or "independent".
 
-    A scene without band noise, or whose block has no size, is returned as it is. `frequencies` is "stratified" or
-    "independent". Where `harmonics` is None, stratified ones are enough for the duration of the forcing, or for
-    `NOISE_CYCLES`.
+    A scene without band noise, or whose block has no size, is returned as it is. By default stratified ones are enough
+    for the duration of the forcing, or for `NOISE_CYCLES`.
     """
     noise, forcing = scene.noise, scene.forcing
     if scene.block.size is None or noise.kind != "band":

@@ -36,25 +36,9 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\
 
 
 def in_units(name: str, value: Any, kind: str) -> Any:
-    """Return a quantity in SI units (frequencies in Hz), of a number or a text with a unit.
+    """Return a quantity in SI units, or in Hz or radians, of a number, a text with a unit, or a list of these.
 
-    Parameters
-    ----------
-    name : str
-        Of the parameter, for the message.
-    value : float, str, or list or tuple of them
-        A bare number is in m, m/s², Hz, s, or degrees; a text has a number and a unit, as in "0.3 g" or "1.5 Hz".
-    kind : {"length", "acceleration", "frequency", "time", "angle"}
-
-    Returns
-    -------
-    float, list or tuple
-        In m, m/s², Hz, s, or radians. What is no text, number or list comes back as it is.
-
-    Raises
-    ------
-    ValueError
-        A text is no number with one of the units.
+    A bare number is in m, m/s², Hz, s, or degrees. What is no text, number or list comes back as it is.
     """
     units = _UNITS[kind]
     bare = next(iter(units.values()))
@@ -72,7 +56,7 @@ def in_units(name: str, value: Any, kind: str) -> Any:
 
 
 def _unit_in(text, units):
-    """Return the unit, a key of the dict `units`, that a text means, in letters of any size, or None."""
+    """Return the unit that a text means, in letters of any size, or None."""
     return next((unit for unit in units if unit.lower() == text.lower()), None)
 
 
@@ -126,10 +110,6 @@ class BlockSize(abc.ABC):
         ----------
         tau : float or ndarray
             Nondimensional time τ = pt.
-
-        Returns
-        -------
-        float or ndarray
         """
         return tau / self.frequency_parameter
 
@@ -139,10 +119,6 @@ class BlockSize(abc.ABC):
         Parameters
         ----------
         seconds : float or ndarray
-
-        Returns
-        -------
-        float or ndarray
         """
         return seconds * self.frequency_parameter
 
@@ -153,10 +129,6 @@ class BlockSize(abc.ABC):
         ----------
         angle : float or ndarray
             Θ = θ/θ_cr, in units of the critical angle.
-
-        Returns
-        -------
-        float or ndarray
         """
         return angle * self.critical_angle
 
@@ -167,10 +139,6 @@ class BlockSize(abc.ABC):
         ----------
         peak_acceleration : float or ndarray
             a, m/s².
-
-        Returns
-        -------
-        float or ndarray
         """
         return peak_acceleration / (self.gravity * self.critical_angle)
 
@@ -181,10 +149,6 @@ class BlockSize(abc.ABC):
         ----------
         frequency_hz : float or ndarray
             f, Hz.
-
-        Returns
-        -------
-        float or ndarray
         """
         return 2.0 * math.pi * frequency_hz / self.frequency_parameter
 
