@@ -183,9 +183,9 @@ def _write_filtered_noise(keys, parameters, places, values):
                 draw_parts(tables.parts, noise)
                 part = min(int(parts * share), parts - 1)
                 share = parts * share - part
-                bound_noise(j, tables.parts.shape, noise.parts[part], row, parameters.envelope, 0.0)
+                bound_noise(j, tables.parts.law.shape, noise.parts[part], row, parameters.envelope, 0.0)
             else:
-                bound_noise(j, tables.shape, noise.drawn, row, parameters.envelope, 0.0)
+                bound_noise(j, tables.law.shape, noise.drawn, row, parameters.envelope, 0.0)
             for last in range(row.size - 1, 0, -1):
                 for i in range(last):
                     row[i] += share * (row[i + 1] - row[i])

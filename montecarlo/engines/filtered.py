@@ -48,13 +48,19 @@ _USUAL_STEPS = 200
 """Default of `steps_per_cycle`, for which the limits of an interval in `TUNING` hold."""
 
 
-class PartTables(NamedTuple):
-    """Law of noise without a derivative over m equal parts of an interval; 0 where none are drawn."""
+class Law(NamedTuple):
+    """Law of filtered noise over an interval or a part: n states, and a polynomial of degree d."""
 
-    move: np.ndarray
-    spread: np.ndarray
-    shape: np.ndarray
-    powers: np.ndarray
+    move: np.ndarray  # (n + 2, n): mean of states, angle and velocity at the end
+    spread: np.ndarray  # (n + 2, n + 2): their Cholesky factor
+    shape: np.ndarray  # (d + 1, 2n + 2): Bernstein coefficients by the states at both ends and the flight
+    powers: np.ndarray  # (d + 1, d + 1): coefficients in the time by these
+
+
+class PartTables(NamedTuple):
+    """Noise without a derivative over m equal parts of an interval; 0 where none are drawn."""
+
+    law: Law
     hyperbolic: np.ndarray  # (2,): cosh and sinh of a part's duration
     gain: np.ndarray  # (m, n + 2, n + 2): change of each part for what they miss in the end
     margin: float  # how far the noise may leave its polynomial over the interval, times the envelope
@@ -62,27 +68,15 @@ class PartTables(NamedTuple):
 
 
 class NoiseTables(NamedTuple):
-    """Law of filtered noise over an interval: n states, and a polynomial of degree d."""
+    """Filtered noise over the intervals of a grid."""
 
     stationary: np.ndarray  # (n, n): Cholesky factor of the states at τ = 0, of variance 1
-    move: np.ndarray  # (n + 2, n): mean of states, angle and velocity at an interval's end
-    spread: np.ndarray  # (n + 2, n + 2): their Cholesky factor
-    shape: np.ndarray  # (d + 1, 2n + 2): Bernstein coefficients by the states at both ends and the flight
-    powers: np.ndarray  # (d + 1, d + 1): coefficients in the time by these
+    law: Law
     parts: PartTables
 
 
-def noise_tables(noise, span):
-    space, sigma = noise.space, math.sqrt(noise.variance)
-    move, spread = _law(space, span, sigma)
-    polynomial = _polynomial_tables(space, span, sigma)
-    return NoiseTables(
-        np.linalg.cholesky(space.correlation), move, spread, *polynomial, _part_tables(space, span, sigma)
-    )
-
-
 def _law(space, span, sigma):
-    """Return `move` and `spread` of `NoiseTables`, for a filter of unit variance: the states, then the flight."""
+    """Return the `Law` over a duration `span` of noise by a filter of unit variance, times sigma."""
     # Time counts in intervals within: every entry is then about 1 or less, and none lost in the rounding of another.
     n = space.order
     drift = np.zeros((n + 2, n + 2))
@@ -92,28 +86,27 @@ def _law(space, span, sigma):
     phi, spread = transition_and_factor(drift, source, 1.0)
     # Angle and velocity of the flight in their own units, and as strong as the noise.
     sizes = np.append(np.ones(n), [sigma * span * span, sigma * span])[:, None]
-    return sizes * phi[:, :n], sizes * spread
+    return Law(sizes * phi[:, :n], sizes * spread, *_polynomial_tables(space, span, sigma))
 
 
 def _part_tables(space, span, sigma):
     """Return the `PartTables` of an interval; of no part for smooth noise."""
     n, count = space.order, 0 if space.smooth or sigma == 0.0 else TUNING.filtered_parts
     length = span / max(count, 1)
-    move, spread = _law(space, length, sigma)
+    law = _law(space, length, sigma)
     keep, swap = math.cosh(length), math.sinh(length)
     # All as linear functions of the m (n + 2) normal numbers that are drawn for the parts.
     drawn, ends = np.zeros((count, n + 2, count * (n + 2))), np.zeros((n + 2, count * (n + 2)))
     for k in range(count):
-        drawn[k] = move @ ends[:n]
-        drawn[k, :, k * (n + 2) : (k + 1) * (n + 2)] += spread
+        drawn[k] = law.move @ ends[:n]
+        drawn[k, :, k * (n + 2) : (k + 1) * (n + 2)] += law.spread
         ends = drawn[k] + np.concatenate([np.zeros((n, ends.shape[1])), [[keep, swap], [swap, keep]] @ ends[n:]])
     sizes = np.linalg.norm(ends, axis=1) if count else np.ones(n + 2)
     gain = drawn @ (np.linalg.pinv(ends / sizes[:, None]) / sizes)
     # A Brownian bridge as rough as the noise has this standard deviation at its middle.
     bridge = 0.5 * sigma * abs(float(space.output @ space.input)) * math.sqrt(span)
     margin = TUNING.filtered_margin * bridge if count else 0.0
-    shape, powers = _polynomial_tables(space, length, sigma)
-    return PartTables(move, spread, shape, powers, np.array([keep, swap]), gain, margin, TUNING.filtered_slowest * span)
+    return PartTables(law, np.array([keep, swap]), gain, margin, TUNING.filtered_slowest * span)
 
 
 def polynomial_degree(space):
@@ -122,7 +115,7 @@ def polynomial_degree(space):
 
 
 def _polynomial_tables(space, span, sigma):
-    """Return `shape` (d + 1, 2n + 2) and `powers` (d + 1, d + 1) of `NoiseTables`."""
+    """Return `shape` (d + 1, 2n + 2) and `powers` (d + 1, d + 1) of a `Law`."""
     n, degree = space.order, polynomial_degree(space)
     shape = np.zeros((degree + 1, 2 * n + 2))
     shape[0, :n] = shape[degree, n : 2 * n] = sigma * space.output
@@ -214,7 +207,7 @@ class NoiseWorkspace(NamedTuple):
 
 @kernel
 def allocate_noise(tables):
-    n, terms = tables.stationary.shape[0], tables.powers.shape[0]
+    n, terms = tables.stationary.shape[0], tables.law.powers.shape[0]
     parts = np.zeros((tables.parts.gain.shape[0], 2 * n + 2))
     words = np.zeros(8, np.uint64)
     return NoiseWorkspace(np.zeros(2 * n + 2), np.empty(n + 2), np.empty(terms), np.empty(TERMS), words, parts)
@@ -237,15 +230,16 @@ def draw_next_interval(stream, tables, noise):
     drawn, n = noise.drawn, tables.stationary.shape[0]
     for i in range(n):
         drawn[i] = drawn[n + i]
-    _draw_ends(stream, tables.move, tables.spread, drawn, noise.normals)
+    _draw_ends(stream, tables.law, drawn, noise.normals)
     if noise.parts.shape[0] > 0:
         for i in range(4):
             noise.stream[i] = hash_word(stream[i])
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def _draw_ends(stream, move, spread, drawn, normals):
+def _draw_ends(stream, law, drawn, normals):
     """Draw the states at an end, and what the noise adds to a flight, into `drawn[n:]`, from the states `drawn[:n]`."""
+    move, spread = law.move, law.spread
     n = move.shape[1]
     for i in range(n + 2):
         normals[i] = normal(stream)
@@ -267,7 +261,7 @@ def draw_parts(tables, noise):
     for k in range(rows.shape[0]):
         for i in range(n):
             rows[k, i] = drawn[i] if k == 0 else rows[k - 1, n + i]
-        _draw_ends(stream, tables.move, tables.spread, rows[k], noise.normals)
+        _draw_ends(stream, tables.law, rows[k], noise.normals)
         x, v = (
             tables.hyperbolic[0] * x + tables.hyperbolic[1] * v + rows[k, 2 * n],
             tables.hyperbolic[1] * x + tables.hyperbolic[0] * v + rows[k, 2 * n + 1],
@@ -301,13 +295,13 @@ def bound_noise(j, shape, drawn, bernstein, envelope, margin):
 
 
 @kernel(fastmath={"contract"})
-def write_polynomial(tables, noise):
-    """Write the polynomial in `noise.bernstein` to `noise.signal` (TERMS,); `tables` are of an interval or a part."""
+def write_polynomial(law, noise):
+    """Write the polynomial in `noise.bernstein` to `noise.signal` (TERMS,), of an interval or a part."""
     signal, bernstein = noise.signal, noise.bernstein
     signal[:] = 0.0
     for k in range(bernstein.size):
         for i in range(k + 1):
-            signal[k] += tables.powers[k, i] * bernstein[i]
+            signal[k] += law.powers[k, i] * bernstein[i]
 
 
 @kernel(forceinline=True)
@@ -370,7 +364,8 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 def parameters_on_grid(scene, grid):
     """Return the parameters of a scene with its noise drawn in the intervals of a grid."""
-    span, envelope, degree = grid.spacing, scene.noise.envelope, polynomial_degree(scene.noise.space)
+    span, envelope, space = grid.spacing, scene.noise.envelope, scene.noise.space
+    degree, sigma = polynomial_degree(space), math.sqrt(scene.noise.variance)
     begins = np.arange(grid.count) * span
     forced = scene.forcing.pieces(begins)
     force = force_series(forced)
@@ -381,7 +376,7 @@ def parameters_on_grid(scene, grid):
         start_parameters(scene.start),
         grid,
         np.array([math.cosh(span), math.sinh(span)]),
-        noise_tables(scene.noise, span),
+        NoiseTables(np.linalg.cholesky(space.correlation), _law(space, span, sigma), _part_tables(space, span, sigma)),
         envelope_tables(envelope, grid, degree),
         force if scene.block.critical_angle else forced,
         low,
@@ -454,7 +449,7 @@ def _try_step(state, side, _number, j, parameters, workspace):
     """Whether interval j surely has no event, and the state at its end."""
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
     noise, envelope = workspace.noise, parameters.envelope
-    low, high = bound_noise(j, parameters.noise.shape, noise.drawn, noise.bernstein, envelope, margin)
+    low, high = bound_noise(j, parameters.noise.law.shape, noise.drawn, noise.bernstein, envelope, margin)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
     if side == 0:
         return not can_lift_off(low, high, parameters.block), state
@@ -470,7 +465,7 @@ def _build_force(_number, j, parameters, workspace):
     # The noise's share begins with zero angle and velocity. The one that is a polynomial no higher than the noise's,
     # with the terms -(η + η'' + ...), would be as large as the fourth derivative, and its rounding far above the
     # angle's.
-    write_polynomial(parameters.noise, workspace.noise)
+    write_polynomial(parameters.noise.law, workspace.noise)
     if parameters.envelope.strength.size == 0:
         _write_particular(workspace.noise.signal, workspace.particular, parameters.block)
         for k in range(TERMS):
@@ -525,11 +520,11 @@ def _build_force_in_piece(j, time, since, value, slope, parameters, workspace):
 @kernel
 def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts, origin):
     """Carry a block through interval j up to `until`, by parts of the noise and pieces of the envelope."""
-    noise, envelope, block = workspace.noise, parameters.envelope, parameters.block
+    noise, envelope, block, tables = workspace.noise, parameters.envelope, parameters.block, parameters.noise.parts
     enveloped, count = envelope.strength.size > 0, 1
     if _takes_parts((x, v), side, parameters):
         count = noise.parts.shape[0]
-        draw_parts(parameters.noise.parts, noise)
+        draw_parts(tables, noise)
     piece, length = envelope.first[j] if enveloped else 0, parameters.grid.spacing / count
     for part in range(count):
         begin = part * length
@@ -537,10 +532,10 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
         if begin >= until:
             break
         if count > 1:
-            low, high = bound_noise(j, parameters.noise.parts.shape, noise.parts[part], noise.bernstein, envelope, 0.0)
+            low, high = bound_noise(j, tables.law.shape, noise.parts[part], noise.bernstein, envelope, 0.0)
             if side == 0 and not can_lift_off(low + parameters.low[j], high + parameters.high[j], block):
                 continue
-            write_polynomial(parameters.noise.parts, noise)
+            write_polynomial(tables.law, noise)
         time = begin
         while time < stop:
             value, slope, end = 1.0, 0.0, stop

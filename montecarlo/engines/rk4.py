@@ -53,23 +53,17 @@ class Workspace(NamedTuple):
 
 
 def parameters_of(scene, steps_per_cycle, times=None):
-    grid = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times)
+    grid, envelope = time_grid(scene, scene.forcing.time_scale / steps_per_cycle, times), scene.noise.envelope
+    places = np.arange(grid.count)[:, None] + np.array([0.0, 0.5, 1.0])
+    strength = np.ones(places.shape) if envelope is None else envelope.value(grid.spacing * places)
     return RungeKuttaParameters(
         block_of_scene(scene),
         start_parameters(scene.start),
         grid,
         scene.forcing.stage_values(grid.spacing, grid.count),
-        _envelope_values(scene.noise.envelope, grid),
+        strength,
         band_of_scene(scene, grid.duration),
     )
-
-
-def _envelope_values(envelope, grid):
-    """Return the envelope at the three times of each step of a grid, (count, 3); 1 without one."""
-    if envelope is None:
-        return np.ones((grid.count, 3))
-    places = np.arange(grid.count)[:, None] + np.array([0.0, 0.5, 1.0])
-    return envelope.value(grid.spacing * places)
 
 
 @kernel

@@ -121,11 +121,11 @@ def flown(parameters):
     n = len(parameters.noise.stationary)
     covariance = np.zeros((n + 2, n + 2))
     covariance[:n, :n] = parameters.noise.stationary @ parameters.noise.stationary.T
-    move, spread = parameters.noise.move, parameters.noise.spread
+    move, spread = parameters.noise.law.move, parameters.noise.law.spread
     states, drawn = np.vstack([np.eye(n), move]), np.vstack([np.zeros((n, n + 2)), spread])
     keep, swap = parameters.hyperbolic
     for response in parameters.envelope.response:
-        moves = response @ parameters.noise.shape
+        moves = response @ parameters.noise.law.shape
         step, source = np.zeros((n + 2, n + 2)), np.vstack([spread[:n], moves @ drawn])
         step[:n, :n], step[n:, :n], step[n:, n:] = move[:n], moves @ states, [[keep, swap], [swap, keep]]
         covariance = step @ covariance @ step.T + source @ source.T
