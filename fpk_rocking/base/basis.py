@@ -20,20 +20,14 @@ def gauss_legendre(count, low=0.0, high=1.0):
 
 @functools.cache
 def gauss_hermite(count):
-    """Return Gauss-Hermite nodes, ascending and in standard deviations, and weights of sum 1, (count,) each.
-
-    They integrate polynomials up to degree 2 count - 1 over the standard normal density exactly.
-    """
+    """Return Gauss-Hermite nodes, ascending and in standard deviations, and weights of sum 1, (count,) each."""
     nodes, weights = np.polynomial.hermite_e.hermegauss(count)
     return nodes, weights / weights.sum()
 
 
 @functools.cache
 def gauss_hermite_product(first, second):
-    """Return nodes (first * second, 2) and weights (first * second,) of sum 1 of a product of two Gauss-Hermite rules.
-
-    `first` and `second` are their numbers of nodes; the second runs fastest. Nodes are in standard deviations.
-    """
+    """Return nodes (first * second, 2) and weights of sum 1 of a product of two Gauss-Hermite rules."""
     (x, u), (y, w) = np.polynomial.hermite_e.hermegauss(first), np.polynomial.hermite_e.hermegauss(second)
     nodes = np.array([(a, b) for a in x for b in y])
     weights = np.outer(u, w).ravel()
@@ -49,10 +43,7 @@ def legendre_basis(points, degree):
 
 @functools.cache
 def legendre_at_gauss_points(count, degree):
-    """Return values (count, degree + 1) of the Legendre polynomials, orthonormal on [0, 1], at its Gauss points.
-
-    These are its `count` Gauss-Legendre points.
-    """
+    """Return values (count, degree + 1) of the Legendre polynomials, orthonormal on [0, 1], at its Gauss points."""
     return legendre_basis(gauss_legendre(count)[0], degree)
 
 
@@ -62,18 +53,14 @@ def bernstein_basis(points, degree):
 
 
 def find_cells(lines, points, side="right"):
-    """Return the cells (...), indices from 0, between ascending mesh lines that hold points (...); else the nearest.
+    """Return the cells (...) between ascending mesh lines (n + 1,) that hold points (...); else the nearest.
 
-    `lines` are (n + 1,) for n cells. A point on a mesh line belongs to the cell above it for the side "right", to the
-    one below it for "left".
+    A point on a mesh line belongs to the cell above it for the side "right", to the one below it for "left".
     """
     return np.clip(np.searchsorted(lines, points, side=side) - 1, 0, len(lines) - 2)
 
 
 def locate(lines, points):
-    """Return (cells, coordinates) of points (...): indices (...), see `find_cells`, and places in them, 0 to 1, (...).
-
-    Points beyond the mesh have places below 0 or above 1. `lines` (n + 1,) are ascending mesh lines.
-    """
+    """Return (cells, places) of points (...): see `find_cells`; places in cells are from 0 to 1 but beyond the mesh."""
     cells = find_cells(lines, points)
     return cells, (points - lines[cells]) / (lines[cells + 1] - lines[cells])

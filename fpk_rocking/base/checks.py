@@ -43,10 +43,7 @@ _LONGEST = 500
 
 
 def refusal(name, got, accepted):
-    """Return the text "NAME: got GOT, accepted: ACCEPTED" of a refusal.
-
-    `name` is the parameter's dotted name, `got` the value, whatever it is, and `accepted` a text of what is accepted.
-    """
+    """Return the text "NAME: got GOT, accepted: ACCEPTED" of a refusal."""
     try:
         text = repr(got)
     except ValueError:  # Python writes no integer of more than 4300 digits
@@ -55,28 +52,7 @@ def refusal(name, got, accepted):
 
 
 def number(name, value, *, at_least=None, above=None, at_most=None):
-    """Return a finite float within the given bounds.
-
-    Parameters
-    ----------
-    name : str
-        Dotted name for the message.
-    value : numbers.Real
-        Integers are converted; a bool is not a number.
-    at_least, above, at_most : float, optional
-        Bounds; ``above`` is strict.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    TypeError
-        The value is not a real number.
-    ValueError
-        The value is not finite or out of bounds.
-    """
+    """Return a finite float within bounds after a check; a bool is no number, `above` is a strict bound."""
     bounds = {">=": at_least, ">": above, "<=": at_most}
     accepted = " and ".join(f"{sign} {bound}" for sign, bound in bounds.items() if bound is not None)
     accepted = f"a finite number {accepted}".rstrip()
@@ -98,23 +74,19 @@ def number(name, value, *, at_least=None, above=None, at_most=None):
 
 
 def keep(value, **checked):
-    """Set fields of a frozen dataclass `value`, in its `__post_init__`, to checked values, by the fields' names."""
+    """Set fields of a frozen dataclass, in its `__post_init__`, to checked values."""
     for name, checked_value in checked.items():
         object.__setattr__(value, name, checked_value)
 
 
 def keep_numbers(value, prefix, *names, **bounds):
-    """Check fields of a frozen dataclass `value` as `number` does, and keep them as floats.
-
-    `names` are the fields, `bounds` are those of `number` for all of them, and the dotted name of a field in messages
-    begins with `prefix`.
-    """
+    """Check fields of a frozen dataclass as `number` does, and keep them as floats; `prefix` is for the message."""
     for name in names:
         keep(value, **{name: number(f"{prefix}.{name}", getattr(value, name), **bounds)})
 
 
 def part(name, value):
-    """Return a float between 0 and 1, neither of them, or raise TypeError or ValueError; `name` is for the message."""
+    """Return a float above 0 and below 1 after a check."""
     fraction = number(name, value, above=0.0)
     if fraction >= 1.0:
         raise ValueError(refusal(name, value, "a number above 0 and below 1"))
@@ -122,17 +94,7 @@ def part(name, value):
 
 
 def count(name, value, at_least=1, at_most=None):
-    """Return `value` as an int after a check: at least `at_least` and at most `at_most` (None: no bound).
-
-    `name` (str) is that of the parameter, for the message.
-
-    Raises
-    ------
-    TypeError
-        The value is not an integer (a bool and 100.0 are not).
-    ValueError
-        The value is out of bounds.
-    """
+    """Return an int within bounds after a check; a bool and 100.0 are no integers."""
     accepted = f"a whole number {f'>= {at_least}' if at_most is None else f'from {at_least} to {at_most}'}"
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise TypeError(refusal(name, value, accepted))
@@ -142,10 +104,7 @@ def count(name, value, at_least=1, at_most=None):
 
 
 def array(name, value, accepted):
-    """Return an array of floats, of the shape of `value`, an array_like; TypeError where one is no real number.
-
-    `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
-    """
+    """Return an array_like as an array of floats; TypeError where one is no real number."""
     try:
         numbers = np.asarray(value)
     except ValueError:
@@ -156,10 +115,7 @@ def array(name, value, accepted):
 
 
 def several(name, value, *, most, **bounds):
-    """Return a tuple of 1 to `most` finite floats from a sequence `value`, each within the bounds of `number`.
-
-    Raise TypeError or ValueError else; `name` is for the message.
-    """
+    """Return a tuple of 1 to `most` floats from a sequence, each within the bounds of `number`, after a check."""
     accepted = f"a list of 1 to {most} numbers"
     items = sequence(name, value, accepted)
     if not 1 <= len(items) <= most:
@@ -168,10 +124,7 @@ def several(name, value, *, most, **bounds):
 
 
 def vector(name, value, accepted):
-    """Return two finite floats from a sequence `value` of two numbers, or raise TypeError or ValueError.
-
-    `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
-    """
+    """Return two finite floats from a sequence after a check."""
     items = sequence(name, value, accepted)
     if len(items) != 2:
         raise ValueError(refusal(name, value, accepted))
@@ -179,20 +132,14 @@ def vector(name, value, accepted):
 
 
 def sequence(name, value, accepted):
-    """Return a tuple of the items of a sequence or array `value`; TypeError where it is none, or a text.
-
-    `accepted` is a text of what is accepted, and `name` the parameter's; both are for the message.
-    """
+    """Return the items of a sequence or array as a tuple; TypeError for a text and for what has none."""
     if isinstance(value, str | bytes) or not hasattr(value, "__iter__") or getattr(value, "ndim", 1) == 0:
         raise TypeError(refusal(name, value, accepted))
     return tuple(value)
 
 
 def interval(name, value):
-    """Return the floats (lowest, highest) of a frequency band, a sequence of two numbers with 0 <= lowest < highest.
-
-    Raise TypeError or ValueError else; `name` is for the message.
-    """
+    """Return the floats (lowest, highest) of a band of frequencies, 0 <= lowest < highest, after a check."""
     accepted = "two numbers [lowest, highest] with 0 <= lowest < highest"
     low, high = vector(name, value, accepted)
     if not 0.0 <= low < high:
@@ -201,10 +148,7 @@ def interval(name, value):
 
 
 def sentence(name, value):
-    """Return `value`, if it is a text of one line that can be printed, else raise TypeError or ValueError.
-
-    `name` is that of the parameter, for the message.
-    """
+    """Return a text of one line that can be printed after a check."""
     accepted = "a text of one line that can be printed"
     if not isinstance(value, str):
         raise TypeError(refusal(name, value, accepted))
@@ -214,10 +158,7 @@ def sentence(name, value):
 
 
 def path(name, value):
-    """Return a `pathlib.Path` of a text or path, else raise TypeError, or ValueError where it has null characters.
-
-    `name` is for the message.
-    """
+    """Return a `pathlib.Path` of a text or path after a check."""
     if not isinstance(value, str | os.PathLike):
         raise TypeError(refusal(name, value, "a path"))
     if "\0" in str(value):
@@ -226,49 +167,28 @@ def path(name, value):
 
 
 def report(value):
-    """Return the parameter `progress` as it is, None or a callable that takes (done, total); else raise TypeError."""
+    """Return the parameter `progress`, None or a callable that takes (done, total), after a check."""
     if value is not None and not callable(value):
         raise TypeError(refusal("progress", value, "None, or a callable that takes (done, total)"))
     return value
 
 
 def instance(name, value, *kinds):
-    """Return the value if it is an instance of one of the classes `kinds`, else raise TypeError with the name."""
+    """Return a value after a check that it is an instance of one of some classes."""
     if not isinstance(value, kinds):
         raise TypeError(refusal(name, value, " or ".join(kind.__name__ for kind in kinds)))
     return value
 
 
 def table(name, value):
-    """Return a parsed TOML table (dict), or raise TypeError where something else stands under its dotted name."""
+    """Return a parsed TOML table; TypeError where something else stands under its dotted name."""
     if not isinstance(value, dict):
         raise TypeError(refusal(name, value, f"a table [{name}]"))
     return value
 
 
 def arguments(name, value, cls):
-    """Return a table's entries as keyword arguments of a dataclass.
-
-    Parameters
-    ----------
-    name : str
-        Dotted name of the table, "" for the whole document.
-    value : dict
-        Parsed TOML.
-    cls : type
-        Dataclass whose fields are the accepted keys; those without a default are required.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    TypeError
-        The entry is not a table.
-    ValueError
-        A key is unknown or missing.
-    """
+    """Return the entries of a TOML table after a check that a dataclass takes these keys, and needs no others."""
     prefix = f"{name}." if name else ""
     accepted = [field.name for field in dataclasses.fields(cls)]
     required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
@@ -288,10 +208,9 @@ ENGINES = " (the range of the engines)"
 
 
 def sizes(name, values, low, high, or_none=False):
-    """Raise ValueError for a value whose size |value| is not from `low` to `high`, the engines' range.
+    """Raise ValueError for a number, or one of a tuple, whose size is not from `low` to `high`; None passes.
 
-    `name` is that of the parameter, for the message. `values` is a number, None, which is passed over, or a tuple of
-    such. With `or_none` 0 is accepted too.
+    With `or_none` 0 is accepted too.
     """
     none = low > 0.0 and or_none
     for value in values if isinstance(values, tuple) else (values,):

@@ -22,28 +22,10 @@ from fpk_rocking.horizon.modes import Powers, leading_modes
 class MeshOperator:
     """The map K of densities over a symmetry period of a scene on one mesh, its adjoint, and its modes.
 
-    A symmetry period is half a cycle where a reflection maps the second half to the first, else a cycle. Functions are
-    arrays of Legendre coefficients of the shape ``space.shape``, (angle cells, velocity cells, degree + 1, degree + 1).
-
-    Parameters
-    ----------
-    white : Scene
-        With white noise.
-    resolution : Resolution
-    motion : StateRange
-        Where the mesh has to be fine.
-    bound, beyond : float
-        Velocity bound of the mesh, and that to which coarser cells continue it; nondimensional.
-
-    Attributes
-    ----------
-    propagator : PeriodicPropagator
-        Of the scene, every cell active, so that nothing is truncated but beyond the velocity bound.
-    space : Space
-    periods : int
-        Symmetry periods in a cycle, 1 or 2.
-    one : ndarray, shape ``space.shape``
-        Coefficients of the function 1.
+    A symmetry period is half a cycle where a reflection maps the second half to the first, else a cycle: `periods` is 2
+    or 1 in a cycle. Functions are arrays of Legendre coefficients of the shape ``space.shape``, (angle cells, velocity
+    cells, degree + 1, degree + 1). Every cell is active, so that nothing is truncated but beyond the velocity bound;
+    coarser cells continue the mesh from `bound` to `beyond`.
     """
 
     def __init__(self, white, resolution, motion, bound, beyond=0.0):
@@ -59,33 +41,22 @@ class MeshOperator:
             step.activate(everything)
 
     def vector(self, coefficients):
-        """Return the vector (unknowns,) of a function; Euclidean products of two are integrals of their product.
-
-        `coefficients` (angle cells, velocity cells, degree + 1, degree + 1) are those of the function.
-        """
+        """Return the vector (unknowns,) of a function; Euclidean products of two are integrals of their product."""
         return (coefficients * self._root).ravel()
 
     def coefficients(self, vector):
-        """Return the coefficients of the function that a real vector (unknowns,) stands for.
-
-        Their shape is ``space.shape``, (angle cells, velocity cells, degree + 1, degree + 1).
-        """
+        """Return the coefficients of the function that a real vector (unknowns,) stands for."""
         return vector.reshape(self.space.shape) / self._root
 
     def reflected(self, coefficients):
         """Return a function at the end of a symmetry period as the next period begins with it.
 
-        It is (x, v) -> (-x, -v) of it where a period is half a cycle, else the same. `coefficients`, before and after,
-        have the shape ``space.shape``.
+        It is (x, v) -> (-x, -v) of it where a period is half a cycle, else the same.
         """
         return reflected(coefficients) if self.periods == 2 else coefficients
 
     def forward(self, coefficients):
-        """Return (coefficients, outflow) of a density after a symmetry period, reflected.
-
-        `coefficients`, before and after, have the shape ``space.shape``; `outflow` (3,) is the probability absorbed
-        left and right, and truncated.
-        """
+        """Return a density after a symmetry period, reflected, and its outflow (3,): left, right, truncated."""
         outflow = np.zeros(3)
         for step in self.propagator.steps:
             coefficients, masses = step.apply(coefficients)
@@ -93,19 +64,16 @@ class MeshOperator:
         return self.reflected(coefficients), outflow
 
     def backward(self, values):
-        """Return the mean of a function of the reflected state after a symmetry period, by the state before it.
-
-        `values` and the mean are coefficients of the shape ``space.shape``.
-        """
+        """Return the mean of a function of the reflected state after a symmetry period, by the state before it."""
         values = self.reflected(values)
         for step in reversed(self.propagator.steps):
             values = step.apply_adjoint(values, np.zeros(3))
         return values
 
     def time_inside(self):
-        """Mean time, in cycles, until overturning or the symmetry period's end, by start: coefficients.
+        """Return the mean time, in cycles, until overturning or the end of a symmetry period, by start.
 
-        By the trapezoidal rule over the steps; of the shape ``space.shape``.
+        By the trapezoidal rule over the steps.
         """
         half_step = 0.5 / self.propagator.steps_per_cycle * self.one
         spent = np.zeros(self.space.shape)
@@ -114,21 +82,21 @@ class MeshOperator:
         return spent
 
     def matvec(self, vector):
-        """Return K times a vector (unknowns,), that of a density: the vector (unknowns,) a symmetry period later."""
+        """Return K times the vector of a density."""
         return self.vector(self.forward(self.coefficients(vector))[0])
 
     def rmatvec(self, vector):
-        """Return the transpose of K times a vector (unknowns,), that of a function of the state: as long a vector."""
+        """Return the transpose of K times the vector of a function of the state."""
         return self.vector(self.backward(self.coefficients(vector)))
 
     def l1(self, vector):
-        """Bound, a float, of the integral of the |function| of `vector` (unknowns,), by Schwarz in every cell."""
+        """Bound the integral of the |function| of a vector, by Schwarz in every cell."""
         squares = np.sum(vector.reshape(self.space.shape) ** 2, axis=(2, 3))
         return float(np.sqrt(squares * self.space.areas).sum())
 
     @functools.cached_property
     def modes(self):
-        """Leading eigenvalues and real eigenvectors, the named tuple `Modes`, of the operator of a symmetry period.
+        """Leading eigenvalues and real eigenvectors of the operator of a symmetry period.
 
         ARPACK begins two cycles after a uniform density; ValueError if next to nothing survives these.
         """
@@ -144,10 +112,7 @@ class MeshOperator:
 
     @functools.cached_property
     def left_modes(self):
-        """Leading modes of the adjoint, the named tuple `Modes`, from another start.
-
-        ValueError where its leading eigenvalue and that of the operator disagree.
-        """
+        """Leading modes of the adjoint, from another start; ValueError where its leading eigenvalue is not K's."""
         start = np.random.default_rng(1).random(self.space.unknowns)
         modes = leading_modes(self.rmatvec, start)
         first, second = (each.values[0].real for each in (self.modes, modes))
@@ -158,11 +123,7 @@ class MeshOperator:
 
     @functools.cached_property
     def _smoothed(self):
-        """The pair (coefficients, outflow): quasi-stationary density of mass 1, after some more symmetry periods.
-
-        The coefficients have the shape ``space.shape``; the outflow (3,), left, right and truncated, is that in one
-        period.
-        """
+        """Quasi-stationary density of mass 1 after some more symmetry periods, and its outflow (3,) in one period."""
         density = self.coefficients(self.modes.basis[:, 0])
         for _ in range(TUNING.smoothing_periods):
             density = density / self.space.masses(density).sum()
@@ -171,12 +132,12 @@ class MeshOperator:
 
     @property
     def quasi_stationary(self):
-        """Coefficients, of the shape ``space.shape``, of the density that keeps its shape, of mass 1."""
+        """The density that keeps its shape, of mass 1."""
         return self._smoothed[0]
 
     @property
     def leaks(self):
-        """Outflow (3,) of the quasi-stationary density in a cycle, of its mass 1: left, right, truncated.
+        """Outflow (3,) of the quasi-stationary density in a cycle: left, right, truncated.
 
         It leaks the same in both halves of a cycle, but for the sides.
         """
@@ -185,12 +146,12 @@ class MeshOperator:
 
     @property
     def log_eigenvalue(self):
-        """Logarithm, a float, of the leading eigenvalue of K, that of a symmetry period."""
+        """Logarithm of the leading eigenvalue of K, that of a symmetry period."""
         return math.log1p(-self._smoothed[1].sum())
 
     @property
     def rate(self):
-        """Escape rate per cycle, a float: minus the logarithm of a cycle's leading eigenvalue."""
+        """Escape rate per cycle: minus the logarithm of a cycle's leading eigenvalue."""
         return -self.periods * self.log_eigenvalue
 
     @property
@@ -223,15 +184,12 @@ class MeshOperator:
         return max(math.expm1(difference), abs(self.leaks[2]) / abs(self.rate) if self.rate else math.inf)
 
     def at_phase(self, phase):
-        """Return the `MeshOperator` on a mesh of the same resolution for another `phase` Ψ of the forcing, radians."""
+        """Return the operator on a mesh of the same resolution for another phase Ψ of the forcing, radians."""
         white = self._white.varied(forcing=self._white.forcing.at_phase(phase))
         return MeshOperator(white, *self._inputs, bound_for_all_starts(white, self._inputs[1]))
 
     def survival(self, cycles, start):
-        """Return (survival, error), (n,) each: probability of standing after numbers of `cycles`, and the modes' error.
-
-        `cycles` (n,) are integers and `start` is a `Start`.
-        """
+        """Return (survival, error of the modes), (n,) each, after numbers of cycles (n,) from a `Start`."""
         first = self.propagator.propagate(self._white.period * np.arange(2), start=start)
         powers, unity = self._powers(self.vector(first.coefficients[1])), self.vector(self.one)
         survival, left_out = np.empty(len(cycles)), np.zeros(len(cycles))
@@ -244,18 +202,14 @@ class MeshOperator:
         return survival, left_out
 
     def backward_powers(self):
-        """Return the `Powers` of the adjoint applied to the function 1: its vectors are survival of every start."""
+        """Powers of the adjoint applied to the function 1: its vectors are survival of every start."""
         return self._powers(self.vector(self.one), adjoint=True)
 
     def mean_time(self):
-        """Return the mean time until overturning, in cycles, by start, as a vector (unknowns,).
-
-        It is the sum over all symmetry periods to come.
-        """
+        """Mean time until overturning, in cycles, by start, as a vector: the sum over all symmetry periods to come."""
         return self._powers(self.vector(self.time_inside()), adjoint=True).total()
 
     def _powers(self, vector, adjoint=False):
-        """Return the `Powers` of K, or of its adjoint, applied to `vector` (unknowns,): the class that applies them."""
         apply = self.rmatvec if adjoint else self.matvec
         return Powers(
             apply, lambda: self.left_modes if adjoint else self.modes, self.l1, lambda: self.log_eigenvalue, vector
@@ -263,30 +217,11 @@ class MeshOperator:
 
 
 def refine_operator(white, tol):
-    """Refine until the estimates of the escape rate and of the quasi-stationary density are acceptable.
+    """Refine until the estimates of the escape rate and of the quasi-stationary density are acceptable, or warn.
 
-    Parameters
-    ----------
-    white : Scene
-        With white noise.
-    tol : float
-        The relative error of the rate is wanted to exp(1) tol: it changes survival exp(-rate k) by that times
-        (rate k) exp(-rate k), at most by tol whatever k.
-
-    Returns
-    -------
-    Refined
-        Its solutions are `MeshOperator`s on finer and finer meshes.
-
-    Warns
-    -----
-    RuntimeWarning
-        The tolerance is not met.
-
-    Raises
-    ------
-    ValueError
-        Next to everything overturns within a cycle, or no rate can be told from the mesh's own errors.
+    The relative error of the rate is wanted to exp(1) tol: it changes survival exp(-rate k) by that times (rate k)
+    exp(-rate k), at most by tol whatever k. ValueError where next to everything overturns within a cycle, or no rate
+    can be told from the mesh's own errors.
     """
     bound = velocity_bound(white, white.noise.diffusion)
     motion = explore(white, white.period * np.arange(TUNING.exploratory_cycles + 1))
@@ -309,10 +244,7 @@ def refine_operator(white, tol):
 
 
 def is_stagnated(refined):
-    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it: a bool.
-
-    `refined` is a `Refined` whose solutions are a `MeshOperator` each.
-    """
+    """Whether nothing leaks, or the negative mass is far too large and finer meshes hardly lessen it."""
     coarse, fine = refined.solutions[-2:]
     still = max(abs(fine.rate), abs(coarse.rate)) < TUNING.least_rate
     most = max(2.0 * TUNING.unresolved_negative_mass, TUNING.operator_negative_ratio * coarse.negative_mass)
@@ -320,10 +252,7 @@ def is_stagnated(refined):
 
 
 def judge(refined, tol):
-    """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted.
-
-    `refined` is a `Refined` whose solutions are a `MeshOperator` each, and `tol` the wanted error of survival.
-    """
+    """Raise ValueError where density or rate are not resolved; warn where their errors are larger than wanted."""
     fine, limit = refined.solutions[-1], TUNING.unresolved_negative_mass
     if fine.negative_mass > limit:
         raise ValueError(
@@ -346,18 +275,6 @@ def bound_for_all_starts(white, motion):
     A block that starts inward far faster than one from rest ever moves may lose so much at its impact that it stands.
     How fast that can be follows in closed form for the worst phase, and for the scene's own phase from a coarse mesh up
     to that bound: the cells that are reached from a start that stands for the cycle, before they overturn.
-
-    Parameters
-    ----------
-    white : Scene
-        With white noise.
-    motion : StateRange
-        Where a mesh has to be fine.
-
-    Returns
-    -------
-    float
-        At least `velocity_bound`, nondimensional.
     """
     own, wide = velocity_bound(white, white.noise.diffusion), bound_for_all_phases(white)
     coarse = MeshOperator(white, RESOLUTIONS[0], motion, wide)
@@ -381,11 +298,11 @@ def bound_for_all_starts(white, motion):
 
 
 def bound_for_all_phases(white):
-    """Return a bound of |v|, a float, nondimensional, for starts of a `Scene` with white noise at every phase.
+    """Bound of |v| for starts at every phase: a faster block overturns.
 
-    A faster block overturns: to stand after an impact at v, e v must be below the speed of a sure escape. What is lost
-    on the way to the impact is bounded by the cut-off, the swing of the forcing and eight standard deviations of the
-    noise (derived in docs/theory, "One cycle as an operator").
+    To stand after an impact at v, e v must be below the speed of a sure escape. What is lost on the way to the impact
+    is bounded by the cut-off, the swing of the forcing and eight standard deviations of the noise (derived in
+    docs/theory, "One cycle as an operator").
     """
     noise = TUNING.deviations * math.sqrt(white.noise.diffusion)
     least, escape = min(white.block.restitution_by_side), escape_speed(white, white.noise.diffusion)
@@ -393,8 +310,5 @@ def bound_for_all_phases(white):
 
 
 def _largest(coefficients):
-    """Return the largest absolute coefficient in each cell, (angle cells, velocity cells).
-
-    `coefficients` (angle cells, velocity cells, degree + 1, degree + 1) are those of a function.
-    """
+    """Return the largest absolute coefficient in each cell, (angle cells, velocity cells)."""
     return np.abs(coefficients).max(axis=(2, 3))

@@ -14,16 +14,9 @@ from fpk_rocking.density.tuning import TUNING
 class Modes(NamedTuple):
     """Leading modes of a real linear map K, in real arithmetic: K basis = basis block.
 
-    Parameters
-    ----------
-    values : ndarray of complex, shape (modes,)
-        Eigenvalues of K, descending in modulus.
-    basis : ndarray, shape (unknowns, modes)
-        Real eigenvectors of norm 1; for a conjugate pair the real and the imaginary part of one.
-    block : ndarray, shape (modes, modes)
-        Block diagonal.
-    residuals : ndarray, shape (modes,)
-        Norms of the columns of K basis - basis block.
+    `values` (modes,) are eigenvalues, descending in modulus; `basis` (unknowns, modes) real eigenvectors of norm 1, for
+    a conjugate pair the real and the imaginary part of one; `block` (modes, modes) is block diagonal; `residuals`
+    (modes,) are norms of the columns of K basis - basis block.
     """
 
     values: np.ndarray
@@ -33,26 +26,10 @@ class Modes(NamedTuple):
 
 
 def leading_modes(apply, start, count=TUNING.modes):
-    """Leading modes of a map, by implicitly restarted Arnoldi iteration (ARPACK).
+    """Return the `count` leading `Modes` of a map of vectors, by implicitly restarted Arnoldi iteration (ARPACK).
 
-    Parameters
-    ----------
-    apply : callable
-        The real linear map K: takes and returns a vector (unknowns,).
-    start : ndarray, shape (unknowns,)
-        Where the iteration starts.
-    count : int
-        Modes; of a conjugate pair both or none are returned.
-
-    Returns
-    -------
-    Modes
-        Named tuple of eigenvalues, descending in modulus, real basis, block diagonal matrix and residuals.
-
-    Raises
-    ------
-    ValueError
-        The iteration does not converge, or the leading eigenvalue is not real and positive: no density keeps its shape.
+    Of a conjugate pair both or none are returned. ValueError where the iteration does not converge, or the leading
+    eigenvalue is not real and positive: no density keeps its shape.
     """
     operator = LinearOperator((len(start), len(start)), apply, dtype=float)
     try:
@@ -87,18 +64,9 @@ def leading_modes(apply, start, count=TUNING.modes):
 class Powers:
     """A vector after more and more applications of a map: step by step, then by the map's modes.
 
-    Parameters
-    ----------
-    apply : callable
-        The map: takes and returns a vector (unknowns,).
-    modes : callable
-        Without argument; returns its `Modes`. Called after the first applications.
-    l1 : callable
-        Takes a vector; returns a bound, a float, on the integral of the absolute value of what it stands for.
-    leading_log : callable
-        Without argument; returns the logarithm of the leading eigenvalue, as exact as high powers want it.
-    vector : ndarray, shape (unknowns,)
-        The vector before any application.
+    `apply` is the map; `modes` is called without argument, after the first applications; `l1` bounds the integral of
+    the absolute value of what a vector stands for; `leading_log` gives the logarithm of the leading eigenvalue, as
+    exact as high powers want it.
     """
 
     def __init__(self, apply, modes, l1, leading_log, vector):
@@ -107,7 +75,7 @@ class Powers:
         self._amplitudes, self._left_out = None, 0.0
 
     def after(self, count):
-        """Return the vector (unknowns,) after `count` applications, not fewer than were asked for before."""
+        """Return the vector after `count` applications, not fewer than were asked for before."""
         while self._count < count and self._amplitudes is None:
             self._advance()
         if self._amplitudes is None:
@@ -115,7 +83,7 @@ class Powers:
         return self._by_modes(count - self._count)
 
     def total(self):
-        """Return the sum (unknowns,) of the vectors after every number of applications, 0 included."""
+        """Return the sum of the vectors after every number of applications, 0 included."""
         total = np.zeros_like(self._vector)
         while self._amplitudes is None:
             before = self._vector
@@ -128,7 +96,7 @@ class Powers:
         return total + modes.basis @ (further @ self._amplitudes)
 
     def left_out(self, count):
-        """Return the L1 norm, a float, of the neglected part of a density after `count` applications of the operator.
+        """Return the L1 norm of the neglected part of a density after `count` applications of the operator.
 
         What a least-squares fit leaves holds a part of the leading mode: it falls like that mode, not like those that
         were not computed (derived in docs/theory, "One cycle as an operator").
@@ -138,10 +106,7 @@ class Powers:
         return self._left_out * math.exp((count - self._count) * self._leading_log())
 
     def _advance(self):
-        """Hand over to the modes where they leave next to nothing out, else apply the map once more; return None.
-
-        It changes the object: the vector and its count, or the amplitudes of the modes.
-        """
+        """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
         if self._count == TUNING.steps_until_modes:
             accepted = f"one that {TUNING.modes} modes represent after {TUNING.steps_until_modes} half cycles"
             raise ValueError(checks.refusal("scene", "a density with many slowly decaying modes", accepted))
@@ -155,7 +120,7 @@ class Powers:
         self._vector, self._count = self._apply(self._vector), self._count + 1
 
     def _by_modes(self, further):
-        """Return the vector (unknowns,) `further` applications after that kept, by powers of the eigenvalues."""
+        """Return the vector `further` applications after that kept, by powers of the eigenvalues."""
         modes = self._modes()
         power = np.zeros_like(modes.block)
         power[0, 0] = np.exp(further * self._leading_log())

@@ -118,18 +118,13 @@ class CycleOperator(Result, LinearOperator):
         super().__init__(float, (fine.space.unknowns, fine.space.unknowns))
 
     def _matvec(self, vector):
-        """Return the vector (unknowns,) of a density after a cycle, from that before it."""
         return self._repeated(self._fine.matvec, vector)
 
     def _rmatvec(self, vector):
-        """Return the transpose of `_matvec` times a vector (unknowns,), a vector (unknowns,)."""
         return self._repeated(self._fine.rmatvec, vector)
 
     def _repeated(self, apply, vector):
-        """Return `vector` (unknowns,) after `apply`, a map over a symmetry period, has been applied for a cycle.
-
-        That is once or twice. `apply` takes and returns a vector (unknowns,).
-        """
+        """Apply a map over a symmetry period for a cycle, that is once or twice."""
         vector = np.ascontiguousarray(vector, dtype=float).ravel()
         for _ in range(self._fine.periods):
             vector = apply(vector)
@@ -137,7 +132,7 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def residual(self) -> float:
-        """Largest of the `residuals`, L2 norms, a float."""
+        """Largest of the `residuals`."""
         return float(np.max(self.residuals))
 
     @property
@@ -172,11 +167,9 @@ class CycleOperator(Result, LinearOperator):
         from fpk_rocking.results.pictures import figure_of, function_panel
 
         def density(figure, axes):
-            """Draw the quasi-stationary density on matplotlib's `axes`, with a colour bar in `figure`."""
             function_panel(figure, axes, self.quasi_stationary, self._shown_edges(), "quasi-stationary density")
 
         def eigenvalues(_, axes):
-            """Draw the eigenvalues of a cycle in the complex plane, with the unit circle, on matplotlib's `axes`."""
             turn = np.exp(2j * math.pi * np.linspace(0.0, 1.0, 201))
             axes.plot(turn.real, turn.imag, color="black", linewidth=0.8)
             axes.plot(self.eigenvalues.real, self.eigenvalues.imag, "o", markersize=5.0)
@@ -185,27 +178,23 @@ class CycleOperator(Result, LinearOperator):
         return figure_of(density, eigenvalues)
 
     def _shown_edges(self):
-        """Edges (n + 1,) in angle and (m + 1,) in velocity, nondimensional, of the bins of the drawn density."""
+        """Edges in angle and velocity of the bins of the drawn density."""
         edges = joint_edges(self.scene)
         return shown_edges(edges, self.quasi_stationary.bin_probabilities(*edges), 64)
 
     @property
     def space(self) -> Space:
-        """Mesh and polynomial degree, a `Space`."""
+        """Mesh and polynomial degree."""
         return self._fine.space
 
     def vector(self, coefficients: Array) -> Array:
-        """Return the vector that stands for a function.
+        """Return the vector (unknowns,) that stands for a function.
 
         Parameters
         ----------
         coefficients : ndarray, shape ``space.shape``
             Coefficients of the function, such as those of a `Density` on the same mesh: (angle cells, velocity cells,
             degree + 1, degree + 1).
-
-        Returns
-        -------
-        ndarray, shape (unknowns,)
         """
         return self._fine.vector(coefficients)
 
@@ -215,16 +204,12 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         vector : array_like, shape (unknowns,)
-
-        Returns
-        -------
-        Density
         """
         return Density(self.space, self._fine.coefficients(np.asarray(vector, dtype=float)))
 
     @property
     def quasi_stationary(self) -> Density:
-        """Quasi-stationary density at whole cycles, a `Density` of mass 1: it keeps its shape while blocks overturn."""
+        """Density of mass 1 at whole cycles that keeps its shape while blocks overturn."""
         return Density(self.space, self._fine.quasi_stationary)
 
     @property
@@ -264,11 +249,6 @@ class CycleOperator(Result, LinearOperator):
         ----------
         cycles : int or sequence of int
             Each at least 0; there is no upper limit.
-
-        Returns
-        -------
-        ndarray, shape of `cycles`
-            Probabilities.
         """
         shape = np.shape(cycles)
         return self.estimate_survival(np.ravel(cycles)).survival.reshape(shape)
@@ -282,11 +262,6 @@ class CycleOperator(Result, LinearOperator):
         ----------
         cycles : sequence of int
             Each at least 0; there is no upper limit.
-
-        Returns
-        -------
-        SurvivalEstimate
-            Named tuple of cycles, survival and error estimates, arrays of one length.
         """
         counts = np.array([checks.count("cycles", count, at_least=0) for count in cycles], dtype=np.int64)
         survival, left_out = self._fine.survival(counts, self._white.start)
@@ -296,7 +271,7 @@ class CycleOperator(Result, LinearOperator):
         return SurvivalEstimate(counts, survival, left_out, error)
 
     def survival_map(self, cycles: int, phase: float | None = None) -> PlaneMap:
-        """Probability of not overturning within some cycles, as a function of the start.
+        """Probability of not overturning within some cycles, as a function of the start: (angle, velocity).
 
         At rest, and at the scene's own start where that is a point, the value is that of `survival`.
 
@@ -307,11 +282,6 @@ class CycleOperator(Result, LinearOperator):
         phase : float, optional
             Forcing phase Ψ at the start, radians; that of the first harmonic where there are several. By default the
             scene's.
-
-        Returns
-        -------
-        PlaneMap
-            Called with angles and velocities, nondimensional, it gives the probabilities.
         """
         cycles = checks.count("cycles", cycles, at_least=0)
         return self._map(
@@ -321,7 +291,7 @@ class CycleOperator(Result, LinearOperator):
         )
 
     def first_passage_map(self, cycle: int, phase: float | None = None) -> PlaneMap:
-        """Probability of overturning in one particular cycle, as a function of the start.
+        """Probability of overturning in one particular cycle, as a function of the start: (angle, velocity).
 
         Parameters
         ----------
@@ -329,16 +299,10 @@ class CycleOperator(Result, LinearOperator):
             Number of the cycle, from 1.
         phase : float, optional
             Forcing phase Ψ at the start, radians; by default the scene's.
-
-        Returns
-        -------
-        PlaneMap
-            Called with angles and velocities, nondimensional, it gives the probabilities.
         """
         cycle = checks.count("cycle", cycle)
 
         def passage(mesh):
-            """Return the probability of overturning in the cycle, by start: a `MeshOperator`'s vector (unknowns,)."""
             powers = mesh.backward_powers()
             before = powers.after(mesh.periods * (cycle - 1))
             return before - powers.after(mesh.periods * cycle)
@@ -346,26 +310,20 @@ class CycleOperator(Result, LinearOperator):
         return self._map(passage, phase, lambda survival: -np.diff(survival(cycle - 1, cycle))[0])
 
     def mean_cycles_map(self, phase: float | None = None) -> PlaneMap:
-        """Mean time until overturning, in cycles, as a function of the start.
+        """Mean time until overturning, in cycles, as a function of the start: (angle, velocity).
 
         Parameters
         ----------
         phase : float, optional
             Forcing phase Ψ at the start, radians; by default the scene's.
-
-        Returns
-        -------
-        PlaneMap
-            Called with angles and velocities, nondimensional, it gives numbers of cycles.
         """
         return self._map(MeshOperator.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
-        """Return the `PlaneMap`, by start, of `function` at a forcing `phase`, radians, or None for the scene's.
+        """Return the map, by start, of a function from a `MeshOperator` to a vector; its error is from two meshes.
 
-        `function` takes a `MeshOperator` and returns a vector (unknowns,); the error is from two meshes. `from_start`,
-        if any, takes a function of numbers of cycles that returns survival (n,) from one start, and returns the map's
-        value there.
+        `from_start`, if any, takes a function of numbers of cycles that returns survival (n,) from one start, and
+        returns the map's value there.
         """
         own = periodic(self.scene.forcing).phase
         phase = own if phase is None else checks.number("phase", phase)
@@ -380,11 +338,7 @@ class CycleOperator(Result, LinearOperator):
         return PlaneMap(space, fine, phase, float(error), starts)
 
     def _values_at_starts(self, mesh, function):
-        """Return a tuple of (angle, velocity, value), floats, at rest and at the scene's start, where these are points.
-
-        `mesh` is a `MeshOperator`; `function` is called with a function of numbers of cycles that returns survival (n,)
-        from that start, and returns the value.
-        """
+        """Return (angle, velocity, value) at rest and at the scene's start, where these are points; see `_map`."""
         starts, values = {Start(), self._white.start}, []
         for start in (start for start in starts if start.covariance is None):
             value = function(lambda *cycles, start=start: mesh.survival(np.array(cycles), start)[0])

@@ -223,11 +223,11 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
     x = 0 and v = 0 are edges; the main scene has 32 bins on [-1.6, 1.6] and 64 on [-3.2, 3.2]. The velocity bound is
     derived for long flights: with s the side and B the forcing's swing (A/sqrt(1+Ω²) of a harmonic one), the amplitude
-    of the driven relaxation, w = v - x obeys dw/dτ = -w - s + f. On the right side w so tends to [-1-B, B-1] from at most
-    e (1 + B), after an impact at speed 1 + B, and v = w + x with x between 0 and the cut-off c gives |v| <= max(1 + B,
-    c + e (1 + B), c + B - 1). Before w has forgotten the impact it may pass this: with a cut-off far out, strong
-    forcing and e < .3 by up to 28 % in 1,466 random scenes. The spread of w under white noise, sqrt(D), is added four times; a
-    start far from rest widens the range.
+    of the driven relaxation, w = v - x obeys dw/dτ = -w - s + f. On the right side w so tends to [-1-B, B-1] from at
+    most e (1 + B), after an impact at speed 1 + B, and v = w + x with x between 0 and the cut-off c gives |v| <= max(1
+    + B, c + e (1 + B), c + B - 1). Before w has forgotten the impact it may pass this: with a cut-off far out, strong
+    forcing and e < .3 by up to 28 % in 1,466 random scenes. The spread of w under white noise, sqrt(D), is added four
+    times; a start far from rest widens the range.
     """
     cut_off = scene.overturning.angle
     driven = scene.forcing.swing
