@@ -202,7 +202,6 @@ def task_of(engine, scene):
 
 
 def compile_engine(name, kind):
-    """Simulate one realization over one cycle, by the engine in the file with this name."""
     (engine,) = (engine for engine in ENGINES if engine.file.stem == name)
     scene = next(scene for scene in least_scenes(kind).values() if engine.takes(scene))
     run = checked_run(scene, 1, 1, 1, engine.method, 200)

@@ -213,7 +213,6 @@ def step_with_events(state, end, side, number, j, share, cycle, parameters, work
 
 
 def has_envelope(scene):
-    """Whether the noise is band noise with an envelope."""
     return scene.noise.kind == "band" and scene.noise.envelope is not None
 
 

@@ -363,7 +363,6 @@ def parameters_of(scene, steps_per_cycle, times=None):
 
 
 def parameters_on_grid(scene, grid):
-    """Return the parameters of a scene with its noise drawn in the intervals of a grid."""
     span, envelope, space = grid.spacing, scene.noise.envelope, scene.noise.space
     degree, sigma = polynomial_degree(space), math.sqrt(scene.noise.variance)
     begins = np.arange(grid.count) * span
@@ -411,7 +410,6 @@ def _draw(stream, _number, _j, _cycle, parameters, workspace):
 
 @kernel(inline="always")
 def _fly_slender(x, v, side, j, parameters, workspace, _block):
-    """Return (x, v, True) of a slender block at the end of interval j if it has no event."""
     push, kick = response_to_noise(j, parameters.envelope, workspace.noise)
     end, speed = homogeneous_flight(x - side, v, parameters.hyperbolic[0], parameters.hyperbolic[1])
     return end + side + parameters.drift[j, 0] + push, speed + parameters.drift[j, 1] + kick, True
@@ -446,7 +444,6 @@ def _takes_parts(state, side, parameters):
 
 @kernel(inline="always")
 def _try_step(state, side, _number, j, parameters, workspace):
-    """Whether interval j surely has no event, and the state at its end."""
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
     noise, envelope = workspace.noise, parameters.envelope
     low, high = bound_noise(j, parameters.noise.law.shape, noise.drawn, noise.bernstein, envelope, margin)
@@ -480,7 +477,6 @@ def _respond_slender(force, particular, _block):
 
 @kernel(forceinline=True)
 def _respond_exact(force, particular, _block):
-    """Copy the coefficients of a force, for an exact block."""
     for k in range(TERMS):
         particular[k] = force[k]
 

@@ -146,7 +146,6 @@ def classical_step(u, w, side, begin, middle, end, h, block):
 
 @kernel(inline="always")
 def _exact_step(x, v, side, k, h, workspace, block):
-    """Return (angle, velocity) of an exact block after step k of a chunk without an event."""
     begin, middle, end = workspace.force[k, 0], workspace.force[k, 1], workspace.force[k, 2]
     u, w = classical_step(side * x, side * v, side, begin, middle, end, h, block)
     return side * u, side * w
@@ -157,7 +156,6 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 
 @kernel(fastmath={"contract"}, forceinline=True)
 def _try_step(state, side, _number, j, parameters, workspace):
-    """Whether step j surely has no event, and the state at its end."""
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
     if side == 0:
         return not can_lift_off(workspace.low[k], workspace.high[k], parameters.block), state

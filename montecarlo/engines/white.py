@@ -72,14 +72,12 @@ def segments_of(particular, duration):
 
 @kernel(inline="always")
 def segment_at(segments, j):
-    """Return number j of `segments_of`."""
     low, high, curvature = segments.force_low[j], segments.force_high[j], segments.force_curvature[j]
     return Segment(segments.particular[j], segments.force[j], low, high, curvature)
 
 
 @kernel
 def _write_tables(forcing, span, stages, drift, block):
-    """Write `stages` (m, 3) and `drift` (m, 2, 2) for intervals of a duration `span`."""
     for j in range(stages.shape[0]):
         segment = segment_at(forcing, j)
         for k in range(3):
@@ -156,7 +154,6 @@ def _draw_slender(u, w, side, first, second, j, parameters, _block):
 
 @kernel(inline="always")
 def _draw_exact(u, w, side, first, second, j, parameters, block):
-    """As `_draw_slender`, of an exact block."""
     begin, middle, end = parameters.stages[j, 0], parameters.stages[j, 1], parameters.stages[j, 2]
     u, w, strength = nystrom_step(u, w, side, begin, middle, end, parameters.grid.spacing, block)
     xx, vx, vv = parameters.spread[j, 0], parameters.spread[j, 1], parameters.spread[j, 2]

@@ -150,7 +150,6 @@ def _passage(standing, time):
 
 @kernel
 def _add_state(counts, k, angle, velocity, to_quanta):
-    """Add one state of a standing block at row k to `standing`, `histogram` and sums."""
     counts.standing[k] += 1
     i, j = _bin_of(counts.angle_edges, angle), _bin_of(counts.velocity_edges, velocity)
     if i >= 0 and j >= 0:
@@ -249,7 +248,6 @@ class Sample(Paths, SurvivalResult):
         return settings | ({"outcome": self._outcome()} if self.deterministic else {})
 
     def _outcome(self):
-        """Say whether, where and when the one path of a deterministic scene overturns."""
         if self.first_overturning is None:
             return f"deterministic: stands until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning

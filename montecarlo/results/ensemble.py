@@ -78,7 +78,6 @@ class Ensemble(Sample):
         return (time, time, side) if side else None
 
     def _binned(self, row, edges):
-        """Return the shares of all realizations that stand in each bin at a row."""
         standing = np.isfinite(self.angle[:, row])
         points = self.angle[standing, row], self.velocity[standing, row]
         return np.histogram2d(*points, bins=edges)[0] / self.realizations

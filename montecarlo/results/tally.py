@@ -147,7 +147,6 @@ class Checkpoint:
 
     @property
     def is_due(self) -> bool:
-        """Whether enough time has passed to save again."""
         return self._path is not None and time.perf_counter() >= self._due
 
     def save(self, tally: Tally) -> None:
