@@ -10,7 +10,7 @@ from report import ROOT
 from fpk_rocking import load_scene
 from fpk_rocking.results import storage
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Overturning, Scene, Start, WhiteNoise
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 from montecarlo import tally
 
 MAIN = load_scene(ROOT / "cases" / "scenes" / "main.toml").white_equivalent()

@@ -25,7 +25,7 @@ from report import ROOT, table, write_section
 from fpk_rocking import load_scene, solve_fpk
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import storage
-from fpk_rocking.scene.ranges import centred_edges, joint_edges
+from fpk_rocking.scene.axes import centred_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo import histories, simulate, tally
 

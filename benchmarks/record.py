@@ -19,7 +19,7 @@ import numpy as np
 from report import ROOT, table, write_section
 
 from fpk_rocking import load_scene, solve_fpk
-from fpk_rocking.scene.ranges import result_times
+from fpk_rocking.scene.axes import result_times
 from montecarlo import tally
 
 SCENE = ROOT / "cases" / "scenes" / "record.toml"

@@ -19,7 +19,7 @@ from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, USELESS, VERDICTS, Diagnostic
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
-from fpk_rocking.scene.ranges import ascending_edges, joint_edges
+from fpk_rocking.scene.axes import ascending_edges, joint_edges
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.batches import Batch, checked_run, refuse_large, simulate_batches
 from montecarlo.results.counts import LARGEST, add, empty_counts

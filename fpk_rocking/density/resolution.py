@@ -22,7 +22,7 @@ from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.flight import flight_covariance
-from fpk_rocking.scene.ranges import centred_edges
+from fpk_rocking.scene.axes import centred_edges
 
 
 def in_rest(angles, velocities):

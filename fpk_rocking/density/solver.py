@@ -35,8 +35,8 @@ from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.scene import ranges
+from fpk_rocking.scene.axes import result_times
 from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
-from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 
 

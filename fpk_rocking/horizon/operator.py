@@ -22,9 +22,9 @@ from fpk_rocking.physics.noise.kinds import refuse_envelope
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.results.result import Result
+from fpk_rocking.scene.axes import joint_edges
 from fpk_rocking.scene.least import least_scenes
 from fpk_rocking.scene.parts import Start
-from fpk_rocking.scene.ranges import joint_edges
 from fpk_rocking.scene.scene import Scene
 
 

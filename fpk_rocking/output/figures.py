@@ -17,7 +17,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results import pictures
 from fpk_rocking.results.remarks import cautions, noise_text, scene_text
 from fpk_rocking.results.survival import SurvivalResult
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 
 _MARKERS = "osD^"
 _LINE = 0.22

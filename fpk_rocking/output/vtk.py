@@ -21,7 +21,7 @@ import numpy as np
 from fpk_rocking.base.checks import File
 from fpk_rocking.results.storage import replaced_atomically, write_text
 from fpk_rocking.results.survival import SurvivalResult
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 
 __all__ = ["write_function", "write_series"]
 

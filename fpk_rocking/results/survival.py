@@ -8,7 +8,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.results.result import Result
-from fpk_rocking.scene.ranges import ascending_edges, joint_edges
+from fpk_rocking.scene.axes import ascending_edges, joint_edges
 
 LEAST_OVERTURNING = 1e-6
 """Probability of overturning below which the error of a density is held against this one."""

@@ -28,7 +28,7 @@ from fpk_rocking.risk.outcomes import (
     overturns,
     search,
 )
-from fpk_rocking.scene.ranges import result_times
+from fpk_rocking.scene.axes import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs
 from fpk_rocking.studies.scenes import checked_scenes

@@ -24,7 +24,7 @@ from fpk_rocking.risk.outcomes import FARTHEST, MotionOutcomes, overturns, searc
 from fpk_rocking.risk.outcomes import kernels_of as kernels_of_paths
 from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.suites import curve_diagnostics
-from fpk_rocking.scene.ranges import result_times
+from fpk_rocking.scene.axes import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
 from fpk_rocking.studies.scenes import checked_scenes, grid, scaled

@@ -29,8 +29,8 @@ from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.risk.motions import intensity_of
 from fpk_rocking.scene import NoNoise
+from fpk_rocking.scene.axes import SETTLING
 from fpk_rocking.scene.parts import Block, Body, Overturning
-from fpk_rocking.scene.ranges import SETTLING
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
 from montecarlo.engines import engine_of

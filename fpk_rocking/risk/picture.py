@@ -12,7 +12,7 @@ from fpk_rocking.output.tables import text_table, verdict_first
 from fpk_rocking.results import pictures
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.risk.motions import motion_lines
-from fpk_rocking.scene.ranges import SETTLING
+from fpk_rocking.scene.axes import SETTLING
 
 NAMES = {
     "size": "half diagonal R, m",

@@ -8,12 +8,8 @@ R_s²). The mass cancels. The units of the scene are those of the *easier* side,
 
 import dataclasses
 import math
-from typing import Any
 
 from fpk_rocking.base import checks
-from fpk_rocking.physics.forcing.periodic import Harmonic
-from fpk_rocking.physics.forcing.pulse import Pulse
-from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.physics.motion import lift_off
 from fpk_rocking.scene.units import STANDARD_GRAVITY, BlockSize, Dimensions, in_units
 
@@ -341,32 +337,3 @@ def check_cutoff(cutoff: float, critical_angle: float) -> None:
     if critical_angle * (cutoff - 1.0) > 0.5 * math.pi:
         most = f"at most 1 + π/(2α) = {1.0 + 0.5 * math.pi / critical_angle:.6g} critical angles of this block"
         raise ValueError(checks.refusal("overturning.angle", cutoff, most))
-
-
-def size_of_block(width: Any, height: Any, gravity: Any, body: Any) -> Dimensions | Body:
-    """Return the `Dimensions`, or the `Body` where there is one; ValueError for both."""
-    if body is None:
-        return Dimensions(width, height, gravity)
-    usual = ("width", width, None), ("height", height, None), ("gravity", gravity, STANDARD_GRAVITY)
-    for name, value, default in usual:
-        if value != default:
-            raise ValueError(checks.refusal(name, value, "nothing where there is a body"))
-    return checks.instance("body", body, Body)
-
-
-def shaking_of_block(
-    size: Dimensions | Body, peak: Any, hertz: Any, record: Any, pulse: Any, pulse_cycles: Any, phase: float
-) -> Harmonic | Pulse | Record:
-    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size."""
-    if record is not None:
-        checks.instance("record", record, Record)
-        for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):
-            if value is not None:
-                raise ValueError(checks.refusal(name, value, "nothing where there is a record"))
-        return record
-    peak = checks.number("peak_acceleration", in_units("peak_acceleration", peak, "acceleration"), at_least=0.0)
-    hertz = checks.number("frequency_hz", in_units("frequency_hz", hertz, "frequency"), above=0.0)
-    amplitude, frequency = size.amplitude(peak), size.frequency(hertz)
-    if pulse is not None:
-        return Pulse(pulse, amplitude, frequency, pulse_cycles)
-    return Harmonic(amplitude, frequency, phase)

@@ -12,13 +12,13 @@ from typing import Any, Self
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
-from fpk_rocking.physics.forcing import FORCINGS, Forcing
+from fpk_rocking.physics.forcing import FORCINGS, Forcing, Harmonic, Pulse, Record
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_variance
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.noise.kinds import FREQUENCIES, NOISES, BandNoise, FilteredNoise, NoNoise, WhiteNoise
-from fpk_rocking.scene.parts import Block, Body, Overturning, Start, check_cutoff, shaking_of_block, size_of_block
+from fpk_rocking.scene.parts import Block, Body, Overturning, Start, check_cutoff
 from fpk_rocking.scene.text import change_document, fields_of, read_part, table_of, with_harmonics, without_units
-from fpk_rocking.scene.units import STANDARD_GRAVITY, in_units
+from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
 
 _EQUAL_SIDES = (
     "noise of equal Melnikov variance, which is taken along the orbit between two equal sides",
@@ -230,8 +230,8 @@ class Scene:
         slender : bool
             Take the equation of motion of a slender block instead of the exact one.
         """
-        size = size_of_block(width, height, gravity, body)
-        forcing = shaking_of_block(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
+        size = _size_of_block(width, height, gravity, body)
+        forcing = _shaking_of_block(size, peak_acceleration, frequency_hz, record, pulse, pulse_cycles, phase)
         rms = in_units("noise_rms_acceleration", noise_rms_acceleration, "acceleration")
         rms = checks.number("noise_rms_acceleration", rms, at_least=0.0)
         if (rms > 0.0) != (noise_band_hz is not None):
@@ -301,6 +301,35 @@ class Scene:
             if dataclasses.is_dataclass(part):
                 tables[f"noise.{name}"] = part
         return "\n".join(table_of(name, part) for name, part in tables.items())
+
+
+def _size_of_block(width: Any, height: Any, gravity: Any, body: Any) -> Dimensions | Body:
+    """Return the `Dimensions`, or the `Body` where there is one; ValueError for both."""
+    if body is None:
+        return Dimensions(width, height, gravity)
+    usual = ("width", width, None), ("height", height, None), ("gravity", gravity, STANDARD_GRAVITY)
+    for name, value, default in usual:
+        if value != default:
+            raise ValueError(checks.refusal(name, value, "nothing where there is a body"))
+    return checks.instance("body", body, Body)
+
+
+def _shaking_of_block(
+    size: Dimensions | Body, peak: Any, hertz: Any, record: Any, pulse: Any, pulse_cycles: Any, phase: float
+) -> Harmonic | Pulse | Record:
+    """Return the forcing of `Scene.from_block`: the `Record`, or a pulse or harmonic scaled by a size."""
+    if record is not None:
+        checks.instance("record", record, Record)
+        for name, value in (("peak_acceleration", peak), ("frequency_hz", hertz), ("pulse", pulse)):
+            if value is not None:
+                raise ValueError(checks.refusal(name, value, "nothing where there is a record"))
+        return record
+    peak = checks.number("peak_acceleration", in_units("peak_acceleration", peak, "acceleration"), at_least=0.0)
+    hertz = checks.number("frequency_hz", in_units("frequency_hz", hertz, "frequency"), above=0.0)
+    amplitude, frequency = size.amplitude(peak), size.frequency(hertz)
+    if pulse is not None:
+        return Pulse(pulse, amplitude, frequency, pulse_cycles)
+    return Harmonic(amplitude, frequency, phase)
 
 
 def load_scene(path: File, changes: Mapping[str, Any] | None = None) -> Scene:

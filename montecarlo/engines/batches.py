@@ -12,8 +12,8 @@ from fpk_rocking.base.precompilation import Task, start_helpers
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import ranges
+from fpk_rocking.scene.axes import result_times
 from fpk_rocking.scene.least import kind_of, least_scenes
-from fpk_rocking.scene.ranges import result_times
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import ENGINES, engine_of
 from montecarlo.engines.random import keys_at, stream_keys

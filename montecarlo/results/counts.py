@@ -21,7 +21,7 @@ from fpk_rocking.results.returns import return_diagnostics
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.results.trust import Diagnostic
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 from fpk_rocking.scene.scene import Scene
 
 LARGEST = 2**31 - 1

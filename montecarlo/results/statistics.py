@@ -12,7 +12,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, not_none
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.sampling import wilson_interval
-from fpk_rocking.scene.ranges import ascending_edges
+from fpk_rocking.scene.axes import ascending_edges
 from montecarlo.results.ensemble import Ensemble, Histories
 
 

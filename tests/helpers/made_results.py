@@ -18,7 +18,7 @@ from fpk_rocking.density.density import PlaneMap
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.results import sampling as distances
 from fpk_rocking.results.pictures import shown_edges
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 from montecarlo import Ensemble, Histories, Splitting, Tally
 from montecarlo.results.counts import PARTS, Counts
 

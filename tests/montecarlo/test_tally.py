@@ -10,7 +10,7 @@ import pytest
 from fpk_rocking.compare import compare
 from fpk_rocking.results import storage
 from fpk_rocking.scene import Block, Harmonic, NoNoise, Scene, Start, WhiteNoise
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 from montecarlo import Tally, simulate, tally
 from montecarlo.engines import batches
 from montecarlo.results import counts

@@ -18,7 +18,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.output import figures, report, tables
 from fpk_rocking.results import pictures, storage
 from fpk_rocking.results.pictures import edges_of
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 
 MAIN = Scene(Block(0.5), Harmonic(4.6, 2.7, math.pi), BandNoise(0.04, (0.0, 10.0), 100, "The band was assumed."))
 DENSITY = fakes.FakeEvolution(MAIN)

@@ -16,7 +16,7 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results.pictures import shown_edges
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic, assess, verdict
 from fpk_rocking.risk import Fragility
-from fpk_rocking.scene.ranges import joint_edges
+from fpk_rocking.scene.axes import joint_edges
 from fpk_rocking.studies import Sweep
 from montecarlo import Splitting, histories, simulate, tally
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import fpk_rocking.density
 from fpk_rocking import cli
-from fpk_rocking.scene.ranges import result_times
+from fpk_rocking.scene.axes import result_times
 
 SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006)).to_toml()
 FEW = {"mc": ["--cycles", "1", "--realizations", "3"], "fpk": ["--cycles", "1"]}

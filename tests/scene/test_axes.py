@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from made_results import MAIN, PULSE
 
-from fpk_rocking.scene.ranges import result_times
+from fpk_rocking.scene.axes import result_times
 
 
 def test_after_each_twentieth_of_a_motion_and_ten_later():
