@@ -41,7 +41,7 @@ class Solution:
     propagator: Any
     survival: Array  # (rows,)
     outflow: Array  # (rows, 3)
-    coefficients: Array  # (rows, *space.shape)
+    coefficients: Any  # (rows, *space.shape); None once released
     at_rest: Array | None  # (rows,)
     resolved: Array  # (rows,)
     reinjected: float = 0.0

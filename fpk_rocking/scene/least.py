@@ -4,7 +4,7 @@ import dataclasses
 
 from fpk_rocking.physics.forcing import Harmonic
 from fpk_rocking.physics.noise.envelope import Trapezoid
-from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, WhiteNoise
+from fpk_rocking.physics.noise.kinds import BandNoise, FilteredNoise, Noise, WhiteNoise
 from fpk_rocking.scene.parts import Block, Body
 from fpk_rocking.scene.scene import Scene
 
@@ -26,7 +26,7 @@ def kind_of(block: Block) -> str:
 def least_scenes(kind: str) -> dict[str, Scene]:
     """Return scenes with a kind of block by their noise: "band", "enveloped" (a band), "white", "filtered"."""
     band = BandNoise(0.04, (0.0, 10.0), 4)
-    noises = {
+    noises: dict[str, Noise] = {
         "band": band,
         "enveloped": dataclasses.replace(band, envelope=Trapezoid(1.0, 1.0, 1.0)),
         "white": WhiteNoise(0.05),
