@@ -115,10 +115,7 @@ class MeshOperator:
         """Leading modes of the adjoint, from another start; ValueError where its leading eigenvalue is not K's."""
         start = np.random.default_rng(1).random(self.space.unknowns)
         modes = leading_modes(self.rmatvec, start)
-        first, second = (each.values[0].real for each in (self.modes, modes))
-        if abs(first - second) > TUNING.mode_residual:
-            accepted = "a scene for which the operator and its adjoint have the same leading eigenvalue"
-            raise ValueError(checks.refusal("scene", f"eigenvalues {first:.12f} and {second:.12f}", accepted))
+        refuse_different(self.modes, modes)
         return modes
 
     @functools.cached_property
@@ -214,6 +211,14 @@ class MeshOperator:
         return Powers(
             apply, lambda: self.left_modes if adjoint else self.modes, self.l1, lambda: self.log_eigenvalue, vector
         )
+
+
+def refuse_different(modes, left_modes):
+    """Raise ValueError where the leading eigenvalues of the operator and of its adjoint are not the same."""
+    first, second = modes.values[0].real, left_modes.values[0].real
+    if abs(first - second) > TUNING.mode_residual:
+        accepted = "a scene for which the operator and its adjoint have the same leading eigenvalue"
+        raise ValueError(checks.refusal("scene", f"eigenvalues {first:.12f} and {second:.12f}", accepted))
 
 
 def refine_operator(white, tol):

@@ -69,7 +69,8 @@ class Powers:
     exact as high powers want it.
     """
 
-    def __init__(self, apply, modes, l1, leading_log, vector):
+    def __init__(self, apply, modes, l1, leading_log, vector, tuning=TUNING):
+        self._tuning = tuning
         self._apply, self._modes, self._l1, self._leading_log = apply, modes, l1, leading_log
         self._vector, self._count = vector, 0
         self._amplitudes, self._left_out = None, 0.0
@@ -107,14 +108,16 @@ class Powers:
 
     def _advance(self):
         """Hand over to the modes where they leave next to nothing out, else apply the map once more."""
-        if self._count == TUNING.steps_until_modes:
-            accepted = f"one that {TUNING.modes} modes represent after {TUNING.steps_until_modes} half cycles"
+        if self._count == self._tuning.steps_until_modes:
+            accepted = (
+                f"one that {self._tuning.modes} modes represent after {self._tuning.steps_until_modes} half cycles"
+            )
             raise ValueError(checks.refusal("scene", "a density with many slowly decaying modes", accepted))
-        if self._count >= TUNING.steps_before_modes:
+        if self._count >= self._tuning.steps_before_modes:
             modes = self._modes()
             amplitudes = np.linalg.lstsq(modes.basis, self._vector, rcond=None)[0]
             left_out = self._l1(self._vector - modes.basis @ amplitudes)
-            if left_out <= TUNING.modes_left_out * self._l1(self._vector):
+            if left_out <= self._tuning.modes_left_out * self._l1(self._vector):
                 self._amplitudes, self._left_out = amplitudes, left_out
                 return
         self._vector, self._count = self._apply(self._vector), self._count + 1

@@ -17,7 +17,7 @@ from fpk_rocking.physics.noise.equivalence import equivalent_diffusion, noise_va
 from fpk_rocking.physics.noise.filters import BUTTERWORTH, low_pass_frequency
 from fpk_rocking.physics.noise.kinds import FREQUENCIES, NOISES, BandNoise, FilteredNoise, NoNoise, WhiteNoise
 from fpk_rocking.scene.parts import Block, Body, Overturning, Start, check_cutoff
-from fpk_rocking.scene.text import change_document, fields_of, read_part, table_of, with_harmonics, without_units
+from fpk_rocking.scene.text import READERS, change_document, fields_of, table_of, with_harmonics, without_units
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions, in_units
 
 _EQUAL_SIDES = (
@@ -280,11 +280,11 @@ class Scene:
         if "noise" not in document and document.keys() <= {field.name for field in dataclasses.fields(cls)}:
             raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
         tables = checks.arguments("", document, cls)
-        block = read_part("block", tables.pop("block"), folder)
+        block = READERS["block"]("block", tables.pop("block"), folder)
         parts = {"block": block}
         for name, table in tables.items():
             plain_table = without_units(name, checks.table(name, table), block.size)
-            parts[name] = read_part(name, plain_table, folder)
+            parts[name] = READERS[name](name, plain_table, folder)
             tables[name] = plain_table
         noise = tables["noise"]
         return with_harmonics(cls(**parts), noise.get("harmonics"), noise.get("frequencies", FREQUENCIES[1]))

@@ -4,7 +4,6 @@ import dataclasses
 from typing import Any
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import File
 from fpk_rocking.physics.forcing import FORCINGS, Harmonic
 from fpk_rocking.physics.forcing.samples import Samples
 from fpk_rocking.physics.noise.envelope import ENVELOPES
@@ -84,11 +83,6 @@ def _converted(name, key, value, size):
     return change(checks.number(name, converted))
 
 
-def read_part(name: str, table: dict[str, Any], folder: File) -> Any:
-    """Read a part of a scene, "block" or another, from its table; the file of a record is relative to a folder."""
-    return _READERS[name](name, table, folder)
-
-
 def table_of(name: str, part: Any) -> str:
     """Return the TOML table of a part of a scene, without parts that have tables of their own."""
     if isinstance(part, Filter) and part.kind not in FILTER_KINDS:
@@ -142,13 +136,14 @@ def _noise(name, table, folder):
     return _of_kind(NOISES)(name, values, folder)
 
 
-_READERS = {
+READERS = {
     "block": _block,
     "forcing": _of_kind(FORCINGS, Harmonic.kind, lambda cls, *table: cls.from_table(*table)),
     "noise": _noise,
     "start": _read(Start),
     "overturning": _read(Overturning),
 }
+"""Readers (name, table, folder) of the parts of a scene; the file of a record is relative to the folder."""
 
 
 def _literal(value):

@@ -11,7 +11,6 @@ from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.horizon import modes
 from fpk_rocking.horizon.modes import Powers, leading_modes
 from fpk_rocking.physics.motion.equation import KernelBlock
 
@@ -28,11 +27,12 @@ def matrix_and_modes():
     return basis @ diagonal @ np.linalg.inv(basis), basis, diagonal
 
 
-def powers_of(matrix, vector):
+def powers_of(matrix, vector, **tuned):
     """Powers of a matrix with its own modes; the leading logarithm is given as it is known."""
     start = np.random.default_rng(4).random(len(vector))
     leading = leading_modes(lambda x: matrix @ x, start)
-    return Powers(lambda x: matrix @ x, lambda: leading, lambda x: np.abs(x).sum(), lambda: math.log(LEADING), vector)
+    own = lambda: leading, lambda x: np.abs(x).sum(), lambda: math.log(LEADING)
+    return Powers(lambda x: matrix @ x, *own, vector, TUNING._replace(**tuned))
 
 
 def test_modes_of_a_known_matrix_from_two_starts(matrix_and_modes):
@@ -60,20 +60,20 @@ def test_powers_step_by_step_and_by_modes(matrix_and_modes):
         assert powers.left_out(count) <= TUNING.modes_left_out * np.abs(vector).sum()
 
 
-def test_what_the_modes_leave_out_falls_like_the_leading_mode(monkeypatch):
+def test_what_the_modes_leave_out_falls_like_the_leading_mode():
     """A random walk on 60 sites that leaks, modes that take over early: the figure is above the error, and near it.
 
     The remainder of a least-squares fit is orthogonal to the modes computed, not free of them: as the last of them it
     would seem to fall to 1e-14 of the error within 100 applications.
     """
-    monkeypatch.setattr(modes, "TUNING", TUNING._replace(steps_before_modes=5, modes_left_out=0.05))
     rng = np.random.default_rng(8)
     matrix = rng.random((60, 60)) ** 8 + 0.5 * np.eye(60)
     matrix *= rng.uniform(0.9, 0.98, 60) / matrix.sum(axis=0)
     vector = rng.random(60)
     leading = leading_modes(lambda x: matrix @ x, np.ones(60))
     log = math.log(leading.values[0].real)
-    powers = Powers(lambda x: matrix @ x, lambda: leading, lambda x: np.abs(x).sum(), lambda: log, vector)
+    early = TUNING._replace(steps_before_modes=5, modes_left_out=0.05)
+    powers = Powers(lambda x: matrix @ x, lambda: leading, lambda x: np.abs(x).sum(), lambda: log, vector, early)
     at_hand = np.linalg.matrix_power(matrix, 5) @ vector
     remainder = at_hand - leading.basis @ np.linalg.lstsq(leading.basis, at_hand, rcond=None)[0]
     for count in range(1, 200):
@@ -94,12 +94,11 @@ def test_total_is_the_inverse(matrix_and_modes):
     assert powers_of(matrix, vector).total() == pytest.approx(expected, rel=1e-5)
 
 
-def test_modes_that_never_take_over_are_refused(monkeypatch):
+def test_modes_that_never_take_over_are_refused():
     """A map with as many equal modes as it has unknowns has none that say all."""
-    monkeypatch.setattr(modes, "TUNING", TUNING._replace(steps_until_modes=50))
     matrix = np.diag(np.linspace(0.9, 0.95, 60))
     with pytest.raises(ValueError, match=r"^scene: got 'a density with many slowly decaying modes'"):
-        powers_of(matrix, np.ones(60)).after(100)
+        powers_of(matrix, np.ones(60), steps_until_modes=50).after(100)
 
 
 @pytest.mark.parametrize("matrix", [-np.diag(np.linspace(0.1, 0.9, 60)), np.zeros((60, 60))])

@@ -134,14 +134,14 @@ def test_survival_is_that_of_an_independent_program(estimate, reference):
     assert error.max() < 2e-3
 
 
-def test_the_error_of_survival_covers_both_of_its_reasons(operator, estimate, monkeypatch):
+def test_the_error_of_survival_covers_both_of_its_reasons(operator, estimate):
     """The difference of two meshes, and what the error of the rate makes of it; here that error is set."""
-    mesh = operator._coarse
+    mesh, operator = operator._coarse, copy.copy(operator)
     rough, _ = mesh.survival(estimate.cycles, operator.scene.start)
     meshes = np.abs(estimate.survival - rough)
     ruled = []
     for error in (1e-9, 0.05):
-        monkeypatch.setattr(operator, "escape_error", error)
+        operator.escape_error = error
         rate = estimate.survival * (1.0 - np.exp(-estimate.cycles * operator.escape_rate * error))
         estimated = operator.estimate_survival(estimate.cycles).error_estimate
         assert np.all(estimated >= np.maximum(meshes, rate) * (1.0 - 1e-9))
