@@ -11,7 +11,7 @@ import math
 
 from fpk_rocking.base import checks
 from fpk_rocking.physics.motion import lift_off
-from fpk_rocking.scene.units import STANDARD_GRAVITY, BlockSize, Dimensions, in_units
+from fpk_rocking.scene.units import STANDARD_GRAVITY, BlockSize, Dimensions, keep_sizes
 
 LENGTHS = "height_of_centre", "right", "left", "radius_of_gyration"
 """Names of the lengths of a `Body`."""
@@ -54,12 +54,7 @@ class Body(BlockSize):
     gravity: float = STANDARD_GRAVITY
 
     def __post_init__(self):
-        for name in (*LENGTHS, "gravity"):
-            kind = "length" if name in LENGTHS else "acceleration"
-            value = in_units(f"block.body.{name}", getattr(self, name), kind)
-            value = checks.number(f"block.body.{name}", value, above=0.0)
-            # Beyond, a conversion of units divides by 0 or overflows.
-            checks.keep(self, **{name: checks.number(f"block.body.{name}", value, at_least=1e-100, at_most=1e100)})
+        keep_sizes(self, "block.body", *LENGTHS)
 
     @property
     def symmetric(self) -> bool:

@@ -60,6 +60,15 @@ def _unit_in(text, units):
     return next((unit for unit in units if unit.lower() == text.lower()), None)
 
 
+def keep_sizes(size: Any, table: str, *lengths: str) -> None:
+    """Check lengths and gravity of a frozen dataclass, and keep them in m and m/s²."""
+    for name, kind in (*((name, "length") for name in lengths), ("gravity", "acceleration")):
+        full = f"{table}.{name}"
+        value = checks.number(full, in_units(full, getattr(size, name), kind), above=0.0)
+        # Beyond, a conversion of units divides by 0 or overflows.
+        checks.keep(size, **{name: checks.number(full, value, at_least=1e-100, at_most=1e100)})
+
+
 class BlockSize(abc.ABC):
     """Conversions of nondimensional quantities to units and back: by critical angle, frequency parameter, gravity.
 
@@ -182,14 +191,7 @@ class Dimensions(BlockSize):
     gravity: float = STANDARD_GRAVITY
 
     def __post_init__(self):
-        for name in ("width", "height", "gravity"):
-            kind = "acceleration" if name == "gravity" else "length"
-            value = in_units(f"block.dimensions.{name}", getattr(self, name), kind)
-            value = checks.number(f"block.dimensions.{name}", value, above=0.0)
-            # Beyond, a conversion of units divides by 0 or overflows.
-            checks.keep(
-                self, **{name: checks.number(f"block.dimensions.{name}", value, at_least=1e-100, at_most=1e100)}
-            )
+        keep_sizes(self, "block.dimensions", "width", "height")
 
     @property
     def critical_angle(self) -> float:
