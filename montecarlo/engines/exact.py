@@ -26,7 +26,7 @@ from fpk_rocking.physics.motion.equation import (
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, chord_clearance
 from fpk_rocking.physics.motion.intervals import Interval, interval_tables
 from fpk_rocking.physics.noise.band import OVERSAMPLING, interpolant_polynomials, window_compensation, write_product
-from fpk_rocking.physics.noise.envelope import EnvelopePieces, envelope_pieces, largest_envelope
+from fpk_rocking.physics.noise.envelope import EnvelopePieces, envelope_pieces, largest_values
 from montecarlo.engines.band_noise import (
     CHUNK,
     Band,
@@ -80,7 +80,7 @@ def tables_of_scene(scene, times, finer=False):
     particular = forcing.pieces(middles)
     low, high = np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
-    loudest = largest_noise(scene.noise, harmonics) * largest_envelope(envelope, grid)
+    loudest = largest_noise(scene.noise, harmonics) * largest_values(envelope, grid.spacing * np.arange(grid.count + 1))
     least, most, stays = eventless_angles(low - loudest, high + loudest, grid.spacing, block)
     exponentials, bend = interval_tables(half)
     return ExactParameters(

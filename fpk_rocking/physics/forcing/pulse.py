@@ -1,9 +1,9 @@
 """Transient forcings in closed form: the standard pulses of the rocking literature, and the linear sine sweep."""
 
 import dataclasses
-import functools
 import math
-from typing import ClassVar, Self
+from collections.abc import Callable
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -48,7 +48,31 @@ def _bell(polynomial):
 _ANTISYMMETRIC_PEAK = math.sqrt(3.0 - math.sqrt(6.0)) * math.sqrt(6.0) * math.exp(-0.5 * (3.0 - math.sqrt(6.0)))
 """Largest value of (3y - y³) exp(-y²/2)."""
 
-SHAPES = ("one-sine", "one-cosine", "n-sine", "symmetric-ricker", "antisymmetric-ricker")
+
+class _Shape(NamedTuple):
+    """Shape of a pulse in a phase y, of which z = Ωτ is a multiple, `stretch`.
+
+    `length` in y; `series`: function of y (n,) with the Taylor coefficients (n, TERMS); `slope`: the largest one.
+    """
+
+    length: float
+    series: Callable[[Array], Array]
+    stretch: float = 1.0
+    slope: float = 1.0
+
+
+SHAPES = {
+    "one-sine": _Shape(2.0 * math.pi, _sine(0.0)),
+    "one-cosine": _Shape(2.0 * math.pi, _sine(0.5 * math.pi)),
+    "n-sine": _Shape(2.0 * math.pi, _sine(0.0)),  # n times as long
+    "symmetric-ricker": _Shape(2.0 * _REACH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK),
+    "antisymmetric-ricker": _Shape(
+        2.0 * _REACH,
+        _bell(np.array([0.0, -3.0, 0.0, 1.0]) / _ANTISYMMETRIC_PEAK),
+        math.sqrt(3.0),
+        3.0 / _ANTISYMMETRIC_PEAK,
+    ),
+}
 """Pulses by their names."""
 
 
@@ -114,29 +138,24 @@ class Pulse(TransientForcing):
             accepted = "nothing; only the shape 'n-sine' has cycles"
             raise ValueError(checks.refusal("forcing.cycles", self.cycles, accepted))
 
-    @functools.cached_property
-    def _wave(self):
-        """(length, series, z per y, largest slope) of the shape, in a phase y that is a multiple of z."""
-        if self.shape == "symmetric-ricker":
-            return 2.0 * _REACH, _bell([1.0, 0.0, -1.0]), math.sqrt(2.0), _ANTISYMMETRIC_PEAK
-        if self.shape == "antisymmetric-ricker":
-            odd = np.array([0.0, -3.0, 0.0, 1.0]) / _ANTISYMMETRIC_PEAK
-            return 2.0 * _REACH, _bell(odd), math.sqrt(3.0), 3.0 / _ANTISYMMETRIC_PEAK
-        return 2.0 * math.pi * (self.cycles or 1), _sine(0.5 * math.pi if self.shape == "one-cosine" else 0.0), 1.0, 1.0
-
     @property
     def _rate(self):
-        """Phase y per time."""
-        return self.frequency / self._wave[2]
+        """Phase y of the shape per time."""
+        return self.frequency / SHAPES[self.shape].stretch
+
+    @property
+    def _length(self):
+        """Length in that phase."""
+        return SHAPES[self.shape].length * (self.cycles or 1)
 
     @property
     def duration(self) -> float:
-        return self._wave[0] / self._rate
+        return self._length / self._rate
 
     @property
     def shortest_period(self) -> float:
         """That of the sine, or of one that is as smooth as a bell."""
-        return (2.0 * math.pi if self._wave[2] == 1.0 else 2.0) / self._rate
+        return (2.0 if "ricker" in self.shape else 2.0 * math.pi) / self._rate
 
     @property
     def time_scale(self) -> float:
@@ -148,13 +167,13 @@ class Pulse(TransientForcing):
 
     @property
     def steepest(self) -> float:
-        return self.amplitude * self._rate * self._wave[3]
+        return self.amplitude * self._rate * SHAPES[self.shape].slope
 
     def series(self, times: Array) -> Array:
-        length, series, *_ = self._wave
         phase = self._rate * times
-        on = (phase >= 0.0) & (phase < length * (1.0 - 1e-12))
-        return np.where(on, self.amplitude, 0.0)[:, None] * series(phase) * self._rate ** np.arange(TERMS)
+        on = (phase >= 0.0) & (phase < self._length * (1.0 - 1e-12))
+        series = SHAPES[self.shape].series(phase)
+        return np.where(on, self.amplitude, 0.0)[:, None] * series * self._rate ** np.arange(TERMS)
 
     def scaled(self, strength: float, rate: float) -> Self:
         return dataclasses.replace(self, amplitude=strength * self.amplitude, frequency=self.frequency * rate)

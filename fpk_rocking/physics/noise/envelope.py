@@ -5,7 +5,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -14,15 +14,36 @@ from fpk_rocking.base.checks import Array
 
 
 class Envelope(abc.ABC):
-    """An envelope g(τ), nondimensional, as a time step asks for it."""
+    """An envelope g(τ), nondimensional."""
+
+    spacing: float
+    """Longest interval in which it may be taken as linear, to 5e-5 of its peak, if it has no kink there."""
+
+    @property
+    @abc.abstractmethod
+    def kinks(self) -> Array:
+        """Times (n,) at which the slope jumps."""
+
+    @property
+    def extremes(self) -> Array:
+        """Times (n,), between which it rises or falls throughout."""
+        return self.kinks
 
     @abc.abstractmethod
     def value(self, times: Array) -> Array:
         """Value g (n,) at times (n,)."""
 
     @abc.abstractmethod
+    def series(self, times: Array, terms: int) -> Array:
+        """Taylor coefficients (n, terms), at least 2 terms, of g about times (n,), none of which is a kink."""
+
+    @abc.abstractmethod
     def squared_integral(self, times: Array) -> Array:
         """Integral of g² from 0 to each of n times."""
+
+    @abc.abstractmethod
+    def faster(self, factor: float) -> Self:
+        """The envelope with all times divided by a factor."""
 
 
 class _Linear(Envelope):
@@ -39,12 +60,10 @@ class _Linear(Envelope):
         return np.interp(times, *self.corners)
 
     @property
-    def kinks(self):
-        """Times (n,) at which the slope changes."""
+    def kinks(self) -> Array:
         return self.corners[0]
 
     def series(self, times: Array, terms: int) -> Array:
-        """Taylor coefficients (n, terms), at least 2 terms, of g about times (n,), none of which is a kink."""
         places, values = self.corners
         slopes = np.concatenate([[0.0], np.diff(values) / np.diff(places), [0.0]])
         out = np.zeros((len(times), terms))
@@ -172,16 +191,18 @@ class Exponential(Envelope):
         checks.keep_numbers(self, "noise.envelope", "peak", above=0.0)
 
     @property
-    def spacing(self) -> float:
-        """Longest interval in which it may be taken as linear, to 5e-5 of its peak."""
+    def spacing(self) -> float:  # type: ignore[override]  # a class attribute of other envelopes
         return 0.02 * self.peak
+
+    @property
+    def extremes(self) -> Array:
+        return np.array([self.peak])
 
     def value(self, times: Array) -> Array:
         part = np.asarray(times) / self.peak
         return part * np.exp(1.0 - part)
 
     def series(self, times: Array, terms: int) -> Array:
-        """Taylor coefficients (n, terms) of g about times (n,)."""
         # g^(k) = (-1)^k (u - k) exp(1 - u) / t^k with u = τ/t.
         order = np.arange(terms)
         inverse = np.array([1.0 / math.factorial(k) for k in order]) * (-1.0 / self.peak) ** order
@@ -226,7 +247,7 @@ class EnvelopePieces(NamedTuple):
     strength: np.ndarray
 
 
-def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> EnvelopePieces:
+def envelope_pieces(envelope: Envelope | None, middles: Array, half: float, order: int) -> EnvelopePieces:
     """Polynomials of g, 1 for None, about the `middles` of intervals; of `order` terms unless g is piecewise linear."""
     if envelope is None:
         count = len(middles)
@@ -249,15 +270,13 @@ def envelope_pieces(envelope: Any, middles: Array, half: float, order: int) -> E
     return EnvelopePieces(np.array(first), np.array(ends), strength)
 
 
-def largest_envelope(envelope: Any, grid: Any) -> Array:
-    """Largest g (m,) in each interval of a `TimeGrid`; ones for None."""
+def largest_values(envelope: Envelope | None, edges: Array) -> Array:
+    """Largest g in each interval between n + 1 edges; 1 without an envelope."""
     if envelope is None:
-        return np.ones(grid.count)
-    edges = grid.spacing * np.arange(grid.count + 1)
-    values = envelope.value(edges)
+        return np.ones(len(edges) - 1)
+    values, inside = envelope.value(edges), envelope.extremes
     largest = np.maximum(values[:-1], values[1:])
-    inside = envelope.kinks if len(envelope.kinks) else np.array([envelope.peak])
     places = np.searchsorted(edges, inside) - 1
-    within = (places >= 0) & (places < grid.count)
+    within = (places >= 0) & (places < len(largest))
     np.maximum.at(largest, places[within], envelope.value(inside[within]))
     return largest
