@@ -6,10 +6,10 @@ random effect). Of complete capacities, n motions with variance s², generalized
 
     σ*² = (n - 1) s²/χ²_{n-1},    μ* = mean + Z σ*/√n
 
-have the frequencies that 95 % limits promise, whatever the number of motions; they are the posterior under the prior
-dμ dσ/σ. What is not complete (brackets between two scales, motions that stand over all of them, samples of noise) is
-drawn from its conditional distribution in turn with μ and σ (data augmentation: M. A. Tanner and W. H. Wong, J. Am.
-Stat. Assoc. 82, 528-540, 1987). Generalized pivots: S. Weerahandi, J. Am. Stat. Assoc. 88, 899-905, 1993.
+are the posterior under the prior dμ dσ/σ, and their 95 % limits are exact for any n (S. Weerahandi, J. Am. Stat. Assoc.
+88, 899-905, 1993). Capacities that are censored (by a bracket or the highest scale) or estimated from samples of noise
+are latent variables of a Gibbs sampler: each sweep draws μ and σ given the capacities, then the capacities given μ and
+σ (data augmentation: M. A. Tanner and W. H. Wong, J. Am. Stat. Assoc. 82, 528-540, 1987).
 """
 
 import math
@@ -24,7 +24,7 @@ from fpk_rocking.risk.lognormal import fit_rows
 from fpk_rocking.risk.outcomes import equivalent_scale
 
 _SWEEPS = 25
-"""Sweeps of the data augmentation; twice as many move limits by less than what 999 draws scatter."""
+"""Sweeps of the Gibbs sampler; twice as many move limits by less than 999 draws scatter."""
 
 _DRAWS, _IMPUTED = (999, 20_000), 1e7
 """Least and most draws by default, and how many capacities are drawn for them at most, in all sweeps."""
@@ -37,18 +37,18 @@ _SETS, _COMPLETE_SETS = 399, 9999
 
 
 class Capacities(NamedTuple):
-    """Capacities of m rows, each a block under a motion: the logarithm of the scale that overturns it.
+    """Logarithms of the scales that overturn m rows, each a block under a motion.
 
     Parameters
     ----------
     low, high : ndarray, shape (m,)
-        Limits between which each lies; infinite where the row stands at all scales, or overturns at all.
+        Limits of each; infinite where the row stands, or overturns, at all scales.
     middle, error : ndarray, shape (m,)
-        Estimate and its standard error from samples of noise; the error is inf where there is the bracket alone.
+        Estimate from samples of noise and its standard error, inf where only the limits are known.
     motion : ndarray of int, shape (m,)
         Number of the motion of each, from 0.
     noise, noise_error : float
-        Dispersion β_n that noise adds, root mean square over the motions, and its standard error; 0 without noise.
+        Dispersion β_n by noise, root mean square over the motions, and its standard error.
 
     Examples
     --------
@@ -69,20 +69,16 @@ class Capacities(NamedTuple):
 
     @classmethod
     def exact(cls, critical: ArrayLike, highest: ArrayLike = math.inf, motion: ArrayLike | None = None) -> "Capacities":
-        """Return the `Capacities` of m rows, blocks under motions, without noise: logarithms of the critical scales.
+        """Capacities without noise, from critical scales.
 
         Parameters
         ----------
         critical : array_like, shape (m,)
-            Scale at which each row overturns; inf for one that does not up to the highest.
+            Scale at which each row overturns; inf where it stands up to the highest.
         highest : float or array_like, shape (m,)
             Highest scale of the search.
         motion : array_like of int, shape (m,), optional
-            Number of the motion of each; by default each has its own.
-
-        Returns
-        -------
-        Capacities
+            Motion of each; by default each has its own.
         """
         logs = np.log(np.asarray(critical, float))
         stands = np.isinf(logs)
@@ -92,47 +88,36 @@ class Capacities(NamedTuple):
 
     @classmethod
     def of_jumps(cls, jumps: Array, highest: Array, motion: ArrayLike) -> "Capacities":
-        """Return the `Capacities` of m rows, blocks under motions, without noise, from all scales at which they change.
+        """Capacities without noise, from all scales at which outcomes change.
 
         A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
-        logarithm: the mean of the probability over the scales stays. The lowest scale of all would fall on and on as a
-        search gets finer (`fpk_rocking.risk.critical`).
+        logarithm, so that its mean probability stays. The lowest scale would fall as the search gets finer.
 
         Parameters
         ----------
         jumps : ndarray, shape (m, k)
-            Scales, ascending, from which a row overturns (the first, third, ...) or stands (the second, ...), nan
-            behind the last.
+            Ascending scales from which a row in turn overturns and stands, nan behind the last.
         highest : ndarray, shape (m,)
             Highest scale of the search.
         motion : array_like of int, shape (m,)
-            Number of the motion of each row.
-
-        Returns
-        -------
-        Capacities
+            Motion of each row.
         """
         return cls.exact(equivalent_scale(jumps), highest, motion)
 
     @classmethod
     def of(cls, scale: Array, shares: Array, trials: int, motion: ArrayLike) -> "Capacities":
-        """Return the `Capacities` of m rows, blocks under motions, that probabilities at several scales stand for.
+        """Capacities from probabilities at several scales.
 
         Parameters
         ----------
         scale : ndarray, shape (n,)
             Ascending.
         shares : ndarray, shape (m, n)
-            Probabilities of overturning. A row of zeros and ones that falls again counts as overturning at its highest
-            scales, at as many as it has ones.
+            Probabilities of overturning; a row of zeros and ones counts as if sorted.
         trials : int
             Size of the samples; 0 for probabilities that are not sampled.
         motion : array_like of int, shape (m,)
-            Number of the motion of each row.
-
-        Returns
-        -------
-        Capacities
+            Motion of each row.
         """
         logs, motion = np.log(scale), np.unique(np.asarray(motion), return_inverse=True)[1]
         size = trials or 1e18
@@ -169,18 +154,18 @@ class Capacities(NamedTuple):
 
     @property
     def complete(self) -> Array:
-        """Numbers of the motions of which a capacity lies within the scales, an ascending array of int."""
+        """Motions with a capacity within the scales, an ascending array of int."""
         return np.unique(self.motion[np.isfinite(self.error) | (np.isfinite(self.low) & np.isfinite(self.high))])
 
     @property
     def usual_draws(self) -> int:
-        """Number of draws by default: 20,000 scatter a limit by a few per cent, and fewer are taken where they cost."""
+        """Number of draws by default: 20,000, or fewer where each takes long."""
         least, most = _DRAWS
         drawn = 0.0 if not self.error.any() else _SWEEPS * self.motion.size
         return int(np.clip(_IMPUTED / drawn, least, most)) if drawn else most
 
     def draws(self, samples: int, rng: np.random.Generator) -> tuple[Array, Array]:
-        """Draw what the population of the motions may be, given these capacities.
+        """Draw from the posterior of the population, by Gibbs sampling where capacities are not exact.
 
         Parameters
         ----------
@@ -191,10 +176,9 @@ class Capacities(NamedTuple):
         Returns
         -------
         population : ndarray, shape (samples, 4)
-            Of each draw: μ, the mean of the logarithms; the dispersions σ_r between motions, σ_b between blocks, and
-            β_n by noise.
+            μ, σ_r between motions, σ_b between blocks, β_n by noise.
         capacity : ndarray, shape (samples, m)
-            Logarithms of the capacities of the rows that go with them.
+            Logarithms of the capacities of the rows.
         """
         counts = np.bincount(self.motion)
         motions, rows, size = counts.size, self.motion.size, 1.0 / np.mean(1.0 / counts)
@@ -234,18 +218,12 @@ class Capacities(NamedTuple):
     def moments(self, population: Array) -> tuple[float, float]:
         """Return median, in the unit of the intensity, and dispersion of the capacities.
 
-        The dispersion is the whole one, of the logarithms: between motions, between blocks, and by noise. Both follow
-        from means and variances, and `population` is not read; where a capacity is not known exactly, they are medians
-        of draws.
+        The dispersion of the logarithms is the total one: between motions, between blocks, and by noise.
 
         Parameters
         ----------
         population : ndarray, shape (samples, 4)
-            As `draws` returns it.
-
-        Returns
-        -------
-        median, dispersion : float
+            Draws, as of `draws`: their medians count unless all capacities are exact.
         """
         if self.error.any():
             return float(np.exp(np.median(population[:, 0]))), float(
@@ -256,26 +234,20 @@ class Capacities(NamedTuple):
         return math.exp(means.mean()), math.sqrt(means.var(ddof=1) + within * (1.0 - np.mean(1.0 / counts)))
 
     def p_value(self, logs: Array, shares: Array, trials: int, rng: np.random.Generator) -> float:
-        """Return the probability that outcomes of a lognormal population lie as far from the curve fitted to them.
+        """p-value of Lilliefors' test that the capacities are lognormal; nan where the outcomes determine no curve.
 
-        Lilliefors' test: the distance is the largest one of the mean over the motions from its fitted curve, and its
-        distribution is simulated, as both numbers of the curve are estimated (H. W. Lilliefors, J. Am. Stat. Assoc. 62,
-        399-402, 1967). Of complete capacities it is that of Kolmogorov and Smirnov by `scipy.stats.goodness_of_fit`.
+        The statistic is the largest distance of the mean over the motions from its fitted curve; its distribution is
+        simulated, as both parameters are estimated (H. W. Lilliefors, J. Am. Stat. Assoc. 62, 399-402, 1967).
 
         Parameters
         ----------
         logs : ndarray, shape (n,)
-            Logarithms of the scales of the outcomes; not used where all capacities are complete.
+            Logarithms of the scales; not used where all capacities are exact.
         shares : ndarray, shape (n,)
             Mean over the motions at these.
         trials : int
             Size of the samples of noise; 0 where there are none.
         rng : numpy.random.Generator
-
-        Returns
-        -------
-        float
-            p-value; nan where the outcomes determine no curve.
         """
         mean_of = self.mean_of
         if not self.error.any():
@@ -300,10 +272,9 @@ class Capacities(NamedTuple):
         return (self.motion[:, None] == np.arange(self.motion.max() + 1)) / np.bincount(self.motion)
 
     def parts(self, capacity: Array, drawn: Mapping[str, ArrayLike]) -> dict[str, tuple[float, float]]:
-        """Return (dispersion, standard error) by name of each drawn value: the dispersion that it causes.
+        """Return the dispersion that each drawn value causes, and its standard error, by name.
 
-        Linear regression of the capacities on the normal scores of the values, within the motions where there are
-        enough blocks under each.
+        By linear regression on normal scores of the values, within motions where blocks are enough.
 
         Parameters
         ----------
@@ -311,10 +282,6 @@ class Capacities(NamedTuple):
             Logarithms, as `draws` returns them.
         drawn : dict of str to array_like, (m,)
             Values of the rows.
-
-        Returns
-        -------
-        dict of str to (float, float)
         """
         from scipy import stats
 
@@ -336,7 +303,7 @@ class Capacities(NamedTuple):
         }
 
     def _imputed(self, at, variance, exact, precision, rng):
-        """Return draws (samples, m) of the logarithms of the capacities, given the population and what is measured."""
+        """Gibbs step: draws (samples, m) of the log-capacities, given the population and what is measured."""
         estimated = np.isfinite(self.error)
         gain = np.where(estimated, precision * variance / (1.0 + precision * variance), 0.0)
         middle, width = at + gain * (self.middle - at), np.sqrt(variance * (1.0 - gain))

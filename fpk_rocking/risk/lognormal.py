@@ -33,15 +33,14 @@ class LognormalFit(NamedTuple):
     dispersion : float
         β, the standard deviation of the logarithm; nan where there is no fit.
     median_interval, dispersion_interval : tuple of (float, float)
-        Confidence limits, from the observed information, symmetric in ln m and ln β; nan for a fit not to counts.
+        Confidence limits by the observed information; nan for a fit not to counts.
     misfit : float
         Largest difference of the curve from the data.
     deviance : float
-        Twice the log-likelihood ratio of the data to the curve; nan where the fit is not to counts.
+        Twice the log-likelihood ratio of the data to the curve; nan for a fit not to counts.
     p_value : float
-        Probability that data drawn from the fitted curve lie as far from it: of counts by the chi-square distribution
-        of the deviance with n - 2 degrees of freedom, of the mean over motions by Lilliefors' test
-        (`fpk_rocking.risk.capacities`). A small one says that the data are not lognormal. nan without a test.
+        Of the chi-square test of the deviance (n - 2 degrees of freedom) for counts, of Lilliefors' test
+        (`fpk_rocking.risk.capacities`) for the mean over motions; nan without a test.
     level : float
         Confidence of the intervals.
     reason : str
@@ -77,17 +76,12 @@ class LognormalFit(NamedTuple):
         return "misfit above 0.05" if self.misfit > 0.05 else ""
 
     def __call__(self, scale: Number) -> Number:
-        """Evaluate the curve.
+        """Probability at each scale.
 
         Parameters
         ----------
         scale : float or ndarray
             Above 0.
-
-        Returns
-        -------
-        float or ndarray
-            Probability at each scale, of the shape of `scale`.
         """
         return scipy.special.ndtr(np.log(np.asarray(scale) / self.median) / self.dispersion)
 
@@ -108,16 +102,14 @@ def fit_lognormal(
     probability : array_like, shape (n,)
         Probability at each scale, or the share of a sample that overturned; nan is left out.
     realizations : int or array_like, optional
-        Number of realizations of each sample; samples are independent of each other. None for probabilities that are
-        not sampled: each is clipped to [0, 1] and counts like one realization, and there is no interval and no test.
+        Size of each independent sample. None for probabilities that are not sampled: each counts like one realization,
+        without intervals and test.
     level : float
         Confidence of the intervals, in (0, 1).
 
     Returns
     -------
     LognormalFit
-        Named tuple: `median`, `dispersion`, their intervals, `misfit`, `p_value` and others; callable, as
-        ``fit(scale)``.
 
     Examples
     --------

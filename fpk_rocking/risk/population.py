@@ -48,13 +48,12 @@ class IntensityCurve(Result):
     probability : ndarray, shape (n,)
         Mean over the motions.
     interval : ndarray, shape (n, 2)
-        95 % limits for a motion drawn from the population of these: of the lognormal curve where it fits, else those of
-        Clopper and Pearson for as many motions. Of one scene those of its sample or solution.
+        95 % limits for a motion of the population: of the lognormal curve where it fits, else of Clopper and Pearson;
+        of one scene those of its sample or solution.
     fit : LognormalFit
         Lognormal curve through the mean; its intervals are those of `replicates`.
     replicates : ndarray, shape (b, 2)
-        Medians and dispersions that the population may have (`fpk_rocking.risk.capacities`), or, of one scene, those
-        of other samples.
+        Draws of median and dispersion (`fpk_rocking.risk.capacities`); of one scene those of other samples.
     records : int
         Number of motions.
     sources, source_errors : dict of str to float
@@ -126,10 +125,9 @@ class IntensityCurve(Result):
         return self.fit(intensity) if self.fitted else self.along(self.probability, intensity)
 
     def along(self, points: Array, intensity: Number) -> Number:
-        """Return the probability along points.
+        """Interpolate probabilities linearly in the logarithm of the intensity.
 
-        Between the points it is linear in the logarithm of the intensity; below the lowest it goes on as a lognormal
-        curve of dispersion `tail`, above the highest it is that of the highest.
+        Below the points it goes on as a lognormal curve of dispersion `tail`, above them it is constant.
 
         Parameters
         ----------
@@ -137,10 +135,6 @@ class IntensityCurve(Result):
             Probabilities at the intensities of this curve.
         intensity : float or ndarray
             Above 0.
-
-        Returns
-        -------
-        float or ndarray
         """
         return self._joined(self.intensity, points, intensity)
 
@@ -155,8 +149,8 @@ class IntensityCurve(Result):
     def outcomes(self) -> tuple[Array, Array, Array]:
         """Intensities (k,) at which outcomes are known, the share (k,) that overturns there, and its limits (k, 2).
 
-        Without noise they are those at which an outcome changes, each just before and at the change; where no motion
-        overturns the block, the last one that was searched. With noise they are the points of the curve.
+        Without noise they are those at which an outcome changes, before and after, or else the last one searched; with
+        noise the points of the curve.
         """
         if not len(self.jumps):
             return self.intensity, self.probability, self.interval
@@ -170,9 +164,8 @@ class IntensityCurve(Result):
     def limits(self, intensity: Array) -> tuple[Array, Array]:
         """Return 95 % limits of the probability by the outcomes, fit or no fit.
 
-        They go along those of the `outcomes` from where the first motion overturns the block, with noise in half of the
-        paths; where none does, from the last of them. Below, each goes on as a lognormal curve of dispersion `tail`: so
-        many outcomes exclude no probability there, and their limits are the same however low the intensity.
+        They follow those of the `outcomes` from where the first motion overturns the block (with noise in half of the
+        paths), else from the last; below, each goes on as a lognormal curve of dispersion `tail`.
 
         Parameters
         ----------
