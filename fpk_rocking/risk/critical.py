@@ -61,14 +61,14 @@ class CriticalIntensities(Result):
     measure : str
         "PGA" (in g), "PGV" (in m/s), or "scale".
     highest : float
-        Intensity up to which was searched; inf where the search went as far as it must, see `critical_intensities`.
+        Highest intensity of the search; inf for the default of `critical_intensities`.
     own : ndarray, shape (m,)
         Intensity of each motion at its own scale; 1 for "scale".
     jumps : ndarray, shape (m, k)
-        Intensities, ascending, from which the block overturns (the first, third, ...) or stands (the second, fourth,
-        ...), each right to 0.001 of it; nan behind the last one. Intervals narrower than 0.01 are met by chance.
+        Ascending intensities from which the block in turn overturns and stands, to a relative 0.001; nan behind the
+        last. Intervals narrower than 0.01 may be missed.
     peak : ndarray, shape (m,)
-        Largest |Θ| = |θ|/θ_cr at the motion's own scale; where the block overturns that of overturning.
+        Largest |Θ| = |θ|/θ_cr at the motion's own scale, at most that of overturning.
     overturn_time : ndarray, shape (m,)
         Time τ of overturning at the motion's own scale, nan where the block stands.
     overturn_side : ndarray, shape (m,)
@@ -124,8 +124,8 @@ class CriticalIntensities(Result):
     def equivalent(self) -> Array:
         """Intensity of each motion that a lognormal fit is made of, (m,).
 
-        A block that overturned at all intensities above it would do so over as much of their logarithm as this one.
-        inf where it stands at the end of the search.
+        Overturning at all intensities above it would cover the same range of their logarithm; inf where it stands at
+        the end of the search.
         """
         return equivalent_scale(self.jumps)
 
@@ -293,21 +293,19 @@ def critical_intensities(
 ) -> CriticalIntensities:
     """Find at which intensities of each motion a block overturns without noise.
 
-    The search begins where the motion begins to lift the block off. It scans the logarithm of the intensity in steps of
-    0.04, and of 0.01 wherever a neighbour overturns or comes to an eighth of the angle of overturning; each change is
-    then halved to 0.001. Intervals of overturning or of standing that are narrower than 0.01 are met by chance: such
-    outcomes are a fractal, and no scan has all of them. A record of 40 s takes half a second.
+    From uplift on, the logarithm of the intensity is scanned in steps of 0.04, and of 0.01 beside intensities that
+    overturn the block or reach an eighth of the angle of overturning; changes are bisected to 0.001. Outcomes are a
+    fractal: intervals narrower than 0.01 may be missed.
 
     Parameters
     ----------
     scene : Scene, or sequence of Scene
-        The block, without noise and from a start that is a point; its forcing is replaced by each motion. Or a scene
-        for each motion.
+        The block, without noise, its start a point; each motion replaces its forcing. Or a scene for each motion.
     motions : sequence of Record, str or pathlib.Path
         Motions, or files that `Record.from_file` reads.
     highest : float, optional
-        Largest intensity of the search, in the unit of the measure. By default the search goes on until the block
-        overturns at all intensities over a factor of 2, and up to 1,000 times the acceleration that lifts it off.
+        Largest intensity of the search. By default it goes on until the block overturns at all intensities over a
+        factor of 2, and up to 1,000 times the acceleration of uplift.
     measure : str
         "PGV" (in m/s), "PGA" (in g), or "scale" (the factor of the motion itself).
     units, baseline

@@ -52,14 +52,13 @@ class Fragility(Result):
     scale : ndarray, shape (n,)
         Factors of the shaking, ascending.
     probability : ndarray, shape (m, l + 1, n)
-        Probability within the time of the study: [:, 0] that the block overturns, [:, 1:] that |Θ| reaches each level.
-        nan where the engine gave no answer.
+        [:, 0] that the block overturns, [:, 1:] that |Θ| reaches each level; nan where the engine gave no answer.
     error_estimate : ndarray, shape (m, l + 1, n)
         Estimated error of a density; nan for a sample.
     engine : str
         "exact", "rk4", "white", "filtered" or "density".
     realizations : int
-        Number of realizations of each sample; 0 for a density. A deterministic scene has one path whatever the number.
+        Size of each sample; 0 for a density. A deterministic scene has one path.
     noise_scaled : bool
         Whether the scale multiplies the noise as well.
     options : dict
@@ -71,8 +70,7 @@ class Fragility(Result):
     wall_s : float
         Seconds that the call took.
     motions : MotionOutcomes or None
-        Of scenes without noise by the method "exact" all scales at which an outcome changes, and what each scene does
-        at scale 1; None of others.
+        Of scenes without noise by the method "exact": all changes of outcome, and what happens at scale 1.
 
     Examples
     --------
@@ -132,13 +130,12 @@ class Fragility(Result):
         Parameters
         ----------
         level : float
-            Confidence of each interval of a sample, in (0, 1). For a density it has no effect.
+            Confidence of intervals of a sample, in (0, 1).
 
         Returns
         -------
         ndarray, shape (m, l + 1, n, 2)
-            Wilson's confidence limits of a sample; for a density, its error estimate to either side within [0, 1]; the
-            probability itself where nothing is random.
+            Wilson's of a sample; the error estimate to either side of a density; none where nothing is random.
         """
         if self.realizations:
             limits = wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
@@ -153,10 +150,6 @@ class Fragility(Result):
         ----------
         scale : ndarray, shape (n,)
             Ascending.
-
-        Returns
-        -------
-        Fragility
         """
         jumps = not_none(self.motions).jumps
         probability = overturns(jumps.reshape(-1, jumps.shape[-1]), scale).astype(float)
@@ -242,10 +235,6 @@ class Fragility(Result):
         ----------
         scene : int
             Number of the scene, from 0.
-
-        Returns
-        -------
-        str
         """
         sizes = [motion.block.size for motion in self.scenes]
         size = sizes[scene]
@@ -314,10 +303,6 @@ class Fragility(Result):
             Number of the scene, from 0.
         which : int
             Index of the probability: 0 overturning, 1, 2, ... the levels.
-
-        Returns
-        -------
-        str
         """
         fit, name, curve = self.fits[scene][which], self.names[which], self.probability[scene, which]
         where = f"{name}, {self.label(scene)}" if len(self.place) > 1 else name

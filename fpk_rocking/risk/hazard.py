@@ -75,10 +75,6 @@ class Hazard:
             k₀: the annual rate at which the intensity 1 is exceeded, above 0.
         exponent : float
             k, above 0.
-
-        Returns
-        -------
-        Hazard
         """
         rate, exponent = checks.number("rate", rate, above=0.0), checks.number("exponent", exponent, above=0.0)
         ends = np.array([1e-3, 1e3])

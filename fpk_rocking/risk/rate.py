@@ -97,10 +97,6 @@ class Risk(Result):
         ----------
         years : float
             At least 0.
-
-        Returns
-        -------
-        float
         """
         return -math.expm1(-self.rate * checks.number("years", years, at_least=0.0))
 

@@ -58,12 +58,11 @@ class Study(Result):
     critical : CriticalIntensities or None
         Of these scenes; None with noise.
     added : int
-        Number of intensities that were added to those asked for, where the rate comes from; 0 without noise.
+        Number of intensities that were added where the rate comes from; 0 without noise.
     moved : float
         Part of the rate by which the last of them moved it.
     uncorrected : IntensityCurve or None
-        The curve of the motions as recorded, where baselines were corrected and there is neither noise nor a drawn
-        block: it then costs no more than the curve itself.
+        Curve of the motions without baseline correction, where there was one, and neither noise nor a drawn block.
 
     Examples
     --------
