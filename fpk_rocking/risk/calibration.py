@@ -41,8 +41,8 @@ def calibrated(
 ) -> Calibration:
     """Fit a block to tests: in which of them it overturned.
 
-    Each motion is followed for `draws` blocks at up to 25 critical angles, on all threads: 1 ms a path. Where a block
-    comes to the same thing at the neighbours of an angle, it is taken to do so there.
+    Each motion shakes `draws` blocks at up to 25 critical angles. An angle whose neighbours have the same outcome is
+    taken to have it too.
 
     Parameters
     ----------
@@ -52,15 +52,13 @@ def calibrated(
         Whether the block overturned in each test.
     prior : dict of str, optional
         Distributions by name, as texts of `drawn`. Of the block: "critical_angle" (radians; of its median),
-        "frequency_parameter" (rad/s), "restitution" (without it Housner's) and "offset" (without it 0; of the centre of
-        mass from the middle, in half widths). "scatter" is the dispersion of the
-        critical angle from test to test and "stray" the share of outcomes that the model has nothing to do with;
-        without them there is none. By default `PRIOR`.
+        "frequency_parameter" (rad/s), "restitution" (without it Housner's) and "offset" of the centre of mass (half
+        widths; without it 0). "scatter" is the dispersion of the critical angle from test to test, "stray" the share of
+        outcomes that the model does not explain; without them there is none. By default `PRIOR`.
     draws : int
         Blocks that differ in frequency parameter and restitution, a power of 2.
     spread : float
-        Standard deviation of these two, and of the offset, from test to test, in quantiles of their priors. With 0 the
-        likelihood jumps from draw to draw, and few of them count.
+        Standard deviation of these two, and of the offset, from test to test, in quantiles of their priors.
     overturning : float
         Angle of overturning, in critical angles.
     seed : int
@@ -71,8 +69,7 @@ def calibrated(
     Returns
     -------
     Calibration
-        `posterior`: median and 95 % limits of each parameter, by name; `predicted`: probabilities for the tests;
-        `predict` for other motions.
+        With `posterior` of the parameters, `predicted` for the tests, and `predict` for other motions.
 
     Raises
     ------

@@ -56,9 +56,9 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     uncertain : dict of str
         Distributions by the names of `fpk_rocking.studies.scenes.varied`, or such a name with "_factor" for a factor of
         the scene's own value: ``{"size_factor": "lognormal:1:0.05", "block.restitution_factor": "uniform:0.93:1"}``.
-        They are set in this order. A distribution is a text, "uniform:LOW:HIGH", "normal:MEAN:DEVIATION",
-        "lognormal:MEDIAN:DISPERSION" or "beta:A:B:LOW:HIGH", or an object with a method ``ppf``, as those of
-        `scipy.stats`. Without "_factor" the scene's own value has to be within 4 normal deviations of its middle.
+        Set in this order. A distribution is "uniform:LOW:HIGH", "normal:MEAN:DEVIATION", "lognormal:MEDIAN:DISPERSION",
+        "beta:A:B:LOW:HIGH", or an object with a method ``ppf`` (`scipy.stats`). Without "_factor" the scene's own value
+        has to lie within 4 normal deviations of its middle.
     count : int
         Copies of each scene.
     seed : int
@@ -67,7 +67,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     Returns
     -------
     Draws
-        Named tuple: `scenes`, the values that were drawn for each by name, and the number of its `origin`.
+        With `scenes` and the values that were drawn.
 
     Raises
     ------
@@ -222,11 +222,10 @@ def synthetic_records(
     spread : float
         Dispersion of ``frequency_hz`` from motion to motion, lognormal; 0 for the same soil under all.
     envelope : Envelope, optional
-        In seconds, see `fpk_rocking.envelopes`; by default a trapezoid that rises in a tenth of the duration, holds for
-        three and decays in four tenths.
+        In seconds, see `fpk_rocking.envelopes`; by default a trapezoid: a tenth of the duration to rise, three to hold,
+        four to decay.
     rms : float
-        Root mean square of the acceleration above the soil where the envelope is 1, m/s², before the lowest frequencies
-        are taken out.
+        Root mean square acceleration above the soil where the envelope is 1, m/s², before the high-pass filter.
     seed : int
         Seed of the random numbers.
 

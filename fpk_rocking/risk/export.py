@@ -108,8 +108,7 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     description : str
         For a reader; by default how the curve was made.
     trust : Trust, optional
-        Verdict, a column of the table and a part of the description, which pelicun passes over; by default that of the
-        curve.
+        Verdict, in the table and the description; by default that of the curve.
 
     Raises
     ------

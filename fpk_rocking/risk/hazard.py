@@ -87,8 +87,7 @@ class Hazard:
         Parameters
         ----------
         path : str or pathlib.Path
-            Columns parted by commas, semicolons, tabs or blanks. Empty lines, lines that begin with ``#`` and one line
-            of names are passed over.
+            Columns parted by commas, semicolons, tabs or blanks; ``#`` begins a comment, and one line may hold names.
 
         Returns
         -------

@@ -79,7 +79,7 @@ def intensities(scene: Scene) -> Intensities:
     Returns
     -------
     Intensities
-        Named tuple: `acceleration`, `velocity` and `relative_velocity`, nondimensional; `pga`, m/s², and `pgv`, m/s.
+        Nondimensional measures, and `pga`, m/s², and `pgv`, m/s.
 
     Examples
     --------
@@ -139,8 +139,7 @@ def intensity_of(scene: Scene, measure: str) -> float:
 def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
     """Return a scene whose forcing is scaled to an intensity.
 
-    With the default value, the scales of `fpk_rocking.risk.fragility` of such scenes are the intensity itself: all
-    records of a suite are then compared at equal intensities (stripes).
+    With the default value the scales of `fpk_rocking.risk.fragility` are the intensity itself (stripes).
 
     Parameters
     ----------

@@ -35,18 +35,17 @@ class Risk(Result):
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits from the sample of the fragility: its replicates, or, where there is no fit, those of all its
-        probabilities at once (`IntensityCurve.limits`). The hazard is taken as exact.
+        95 % limits by the replicates of the fragility, without a fit by `IntensityCurve.limits`; the hazard is exact.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
-        Share of λ that motions between two edges have (disaggregation); a thousandth of λ lies outside.
+        Share of λ between two edges (disaggregation); a thousandth lies outside.
     beyond_hazard : float
-        Share of λ from intensities below or above the points of the hazard, to which its last power laws go on.
+        Share of λ from intensities outside the points of the hazard.
     beyond_curve : float
-        Share of λ from intensities below or above those of the fragility; 0 without noise.
+        Share of λ from intensities outside those of the fragility; 0 without noise.
     below_curve : float
-        Share of λ from intensities below those of the fragility, to which its curve goes on; 0 without noise.
+        Share of λ from intensities below those of the fragility; 0 without noise.
     curve : IntensityCurve
     hazard : Hazard
 
@@ -269,10 +268,9 @@ class Risk(Result):
 def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """Return the annual frequency of a limit state.
 
-    The integral is taken over the logarithm of the intensity by Gauss-Legendre rules between the points of the hazard;
-    for a lognormal curve and a power law it is right to rounding (λ = k₀ M^(-k) exp(k²β²/2)). A curve whose intensities
-    were refined counts by its points, whatever the fit. Without noise it is a sum: each interval of intensities in
-    which a motion overturns the block adds the difference of the hazard at its ends.
+    Gauss-Legendre rules over the logarithm of the intensity between the points of the hazard: exact to rounding for a
+    lognormal curve and a power law (λ = k₀ M^(-k) exp(k²β²/2)). A curve whose intensities were refined counts by its
+    points. Without noise each interval of overturning adds the difference of the hazard at its ends.
 
     Parameters
     ----------

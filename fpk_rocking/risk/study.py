@@ -66,16 +66,13 @@ def study(
     scene : Scene
         Block with dimensions, and noise of the shaking; its forcing is replaced by each record.
     records : sequence of Record, str or pathlib.Path
-        One, or at least five; or files that `Record.from_file` reads. Where there is none the forcing of the scene is
-        taken.
+        One, or at least five, or files that `Record.from_file` reads; with none the forcing of the scene counts.
     hazard : Hazard, str or pathlib.Path, or None
-        In the unit of the measure; or a file that `Hazard.from_csv` reads. With None there is a curve and no rate, and
-        no intensities are added.
+        In the unit of the measure, or a file that `Hazard.from_csv` reads; with None there is no rate.
     intensities : array_like, optional
-        Intensities at which the curve is computed, in g or m/s; by default twelve from half of the lowest at which a
-        motion overturns the block without noise to above the highest. With noise and a hazard others are added: up to
-        where each motion overturns the block without noise, and where the rate comes from, until they move it by less
-        than 1 %; the rate is by the points. Without noise neither rate nor limits depend on them.
+        Points of the curve, in g or m/s; by default twelve, from half of the lowest at which a motion overturns the
+        block without noise to above the highest. With noise and a hazard others are added until they move the rate by
+        less than 1 %. Without noise rate and limits do not depend on them.
     measure : str
         "PGV" (in m/s) or "PGA" (in g).
     units : str, optional
@@ -102,8 +99,7 @@ def study(
     Returns
     -------
     Study
-        `curve`, an `IntensityCurve`; `risk`, the annual rate, or None without a hazard; `fragility` of each motion;
-        `write` makes files.
+        With `curve`, `risk` (the annual rate) and `fragility` of each motion.
 
     Raises
     ------
