@@ -87,7 +87,8 @@ class Hazard:
         Parameters
         ----------
         path : str or pathlib.Path
-            Columns parted by commas, semicolons, tabs or blanks; ``#`` begins a comment, and one line may hold names.
+            Columns parted by commas, semicolons, tabs or blanks; empty lines, lines that begin with ``#`` and one line
+            of names are skipped.
 
         Returns
         -------

@@ -35,7 +35,7 @@ class Risk(Result):
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits by the replicates of the fragility, without a fit by `IntensityCurve.limits`; the hazard is exact.
+        95 % limits by the replicates of the curve, or without a fit by its `limits`; the hazard is taken as exact.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
