@@ -145,7 +145,7 @@ PARTS = {
     "overturning": (Overturning, {"angle": ANYTHING}),
     "pulse": (
         Pulse,
-        {"shape": ANYTHING | st.sampled_from(SHAPES), "amplitude": ANYTHING, "frequency": ANYTHING, "cycles": ANYTHING},
+        {"shape": ANYTHING | st.sampled_from(sorted(SHAPES)), "amplitude": ANYTHING, "frequency": ANYTHING, "cycles": ANYTHING},
     ),
     "record": (
         Record,
