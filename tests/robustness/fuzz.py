@@ -118,6 +118,7 @@ NUMBERS = st.one_of(
     st.sampled_from([np.float32(0.3), fractions.Fraction(1, 3)]),
 )
 ANYTHING = st.one_of(NUMBERS, NOT_FINITE, NOT_NUMBERS, st.lists(NUMBERS, min_size=2, max_size=2))
+PULSES = st.sampled_from(sorted(SHAPES))
 
 
 def logarithmic(low, high):
@@ -145,7 +146,7 @@ PARTS = {
     "overturning": (Overturning, {"angle": ANYTHING}),
     "pulse": (
         Pulse,
-        {"shape": ANYTHING | st.sampled_from(sorted(SHAPES)), "amplitude": ANYTHING, "frequency": ANYTHING, "cycles": ANYTHING},
+        {"shape": ANYTHING | PULSES, "amplitude": ANYTHING, "frequency": ANYTHING, "cycles": ANYTHING},
     ),
     "record": (
         Record,
