@@ -201,7 +201,7 @@ REST = {kind: Task(f"{__name__}:compile_rest:{kind}", 3) for kind in KINDS}
 """Tasks that compile what a density needs under filtered noise alone, by kind of block."""
 
 
-def compile_rest(kind):
+def compile_rest(kind: str) -> None:
     """Move a block from rest."""
     dynamics = Dynamics.of(least_scenes(kind)["white"])
     advance_from_rest(dynamics.segment(0.0, 0.1), 0.1, dynamics.block)

@@ -381,12 +381,12 @@ DENSITY = {kind: Task(f"{__name__}:compile_density:{kind}", 15 if kind == "slend
 """Tasks that compile the kernels of a density, by kind of block."""
 
 
-def compile_density(kind):
+def compile_density(kind: str) -> None:
     """Solve one cycle coarsely, which needs all kernels of a density under white noise."""
     solve_fpk(least_scenes(kind)["white"], cycles=1, tol=1e-3)
 
 
-def compile_free_flight():
+def compile_free_flight() -> None:
     """Take a step of free flight, which a density needs last, on few cells of the degree at which it usually ends."""
     space = Space(graded_lines(1.5, 4, 1.0), graded_lines(2.0, 4, 1.0), RESOLUTIONS[USUAL[1e-3]].degree)
     free, affine = np.ones(space.shape[:2], dtype=bool), Dynamics.of(least_scenes("slender")["white"]).affine(0.0, 0.1)

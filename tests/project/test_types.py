@@ -1,5 +1,6 @@
 """Types of the public API: all that the reference shows has them, and a type checker takes the pages' examples."""
 
+import ast
 import functools
 import importlib
 import inspect
@@ -8,6 +9,7 @@ import pathlib
 import re
 import subprocess
 import sys
+import tomllib
 
 import pytest
 from test_pages import PAGES, blocks
@@ -61,6 +63,47 @@ def test_a_lack_of_types_is_found():
     assert without_types(bare) == ["first", "return"]
     own, inherited = (set(functions_of(fpk_rocking.Evolution, inherited)) for inherited in (False, True))
     assert own < inherited
+
+
+def checked_files():
+    """Files that mypy checks in `make lint`."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["mypy"]
+    for pattern in settings["files"]:
+        for path in ROOT.glob(pattern):
+            yield from path.rglob("*.py") if path.is_dir() else [path]
+
+
+def bare_functions(body):
+    """Names of public functions that lack a type, those of public classes too; kernels have none."""
+    for node in body:
+        if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name.startswith("_"):
+            continue
+        if isinstance(node, ast.ClassDef):
+            yield from bare_functions(node.body)
+        elif isinstance(node, ast.FunctionDef) and not any(
+            "kernel" in ast.unparse(argument) for argument in node.decorator_list
+        ):
+            arguments = [
+                argument
+                for argument in ast.walk(node.args)
+                if isinstance(argument, ast.arg) and argument.arg not in {"self", "cls"}
+            ]
+            if node.returns is None or any(argument.annotation is None for argument in arguments):
+                yield node.name
+
+
+def test_public_functions_of_what_mypy_checks_have_types():
+    files, packages = list(checked_files()), (ROOT / "fpk_rocking", ROOT / "montecarlo")
+    assert len(files) > 0.6 * sum(len(list(package.rglob("*.py"))) for package in packages)
+    bare = {str(path): list(bare_functions(ast.parse(path.read_text(encoding="utf-8")).body)) for path in files}
+    assert {name: untyped for name, untyped in bare.items() if untyped} == {}
+
+
+def test_a_bare_function_is_found():
+    text = (
+        "class A:\n    @property\n    def one(self): ...\ndef two(x, y: int) -> int: ...\n@kernel\ndef three(x): ...\n"
+    )
+    assert list(bare_functions(ast.parse(text).body)) == ["one", "two"]
 
 
 def test_the_front_is_stubbed():
