@@ -223,7 +223,11 @@ def unheld(page):
     return missing
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "gallery.md"], ids=lambda page: page.name)
+# Pages that `make docs` makes of measured numbers are left out.
+WRITTEN = [page for page in PAGES if page.name != "gallery.md" and page.parent.name not in {"cases", "evidence"}]
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=lambda page: page.name)
 def test_numbers_of_a_page_are_measured_or_run(page):
     assert unheld(page) == []
 
