@@ -62,7 +62,7 @@ def queue_for_helpers(task: Task) -> None:
 def start_helpers(task: Task, *helping: Task) -> None:
     """Start helper processes for a call that is about to need a task's kernels, and report it on standard error.
 
-    Only the first time in a process and, where that ran to its end, on a machine. Where there is more than one
+    Only the first time in a process, and on a machine the first time that a process got here. With more than one
     processor, helpers run the tasks `helping` meanwhile; first those that are needed first.
     """
     if _helpers or multiprocessing.parent_process() is not None or _is_compiled(task):

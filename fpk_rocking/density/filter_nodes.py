@@ -161,7 +161,7 @@ class FilteredDiscretization(NamedTuple):
         return 8 * unknowns * (8 + 3 * math.prod(self.nodes)) + (len(self.time_grid) - 1) * (self.nodes[0] + 1) * step
 
     def stored(self, rows):
-        """Return the bytes, an int, of the densities over all nodes at a number of `rows`, the times of a result."""
+        """Return the bytes of the densities, summed over the nodes, at a number of `rows`, the times of a result."""
         return self.plane.stored(rows)
 
     @property

@@ -49,7 +49,7 @@ class Solution:
     seconds: float = 0.0
 
     def release(self) -> Any:
-        """Drop the density, keep what is compared, and give the propagator away: to a finer solution."""
+        """Drop the density, keep what is compared, and return the propagator, for the next finer solution."""
         self.bins, self.negative_mass, self.memory  # noqa: B018  (computed while there is a density)
         propagator, self.propagator, self.coefficients = self.propagator, None, None
         return propagator

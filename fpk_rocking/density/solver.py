@@ -221,7 +221,7 @@ def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagato
 
 
 def _discretizations(scene, white, motion, resolutions):
-    """Return mesh and steps for each of some `resolutions`, a list of `Resolution`: a list of as many."""
+    """Return one discretization, mesh and steps, for each resolution."""
     diffusion = white.noise.diffusion
     if scene.noise.kind == "filtered":
         # Noise of high frequencies moves a flight further than white noise of equal Melnikov variance.

@@ -205,7 +205,7 @@ class Space:
 
 
 def reflected(coefficients):
-    """Return the coefficients of densities reflected by (x, v) -> (-x, -v), by those before."""
+    """Return the coefficients of densities reflected by (x, v) -> (-x, -v)."""
     signs = (-1.0) ** np.arange(coefficients.shape[-1])
     return np.ascontiguousarray(coefficients[..., ::-1, ::-1, :, :]) * np.outer(signs, signs)
 

@@ -53,7 +53,7 @@ SCATTERED, SHARED = "critical_angle", "frequency_parameter"
 
 
 def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf) -> Array:
-    """Return the scales at which the outcome of a path changes, ascending: odd ones to overturning, even ones back."""
+    """Return the scales at which the outcome of a path changes, ascending: the first, third, ... to overturning."""
     scales = np.append(low * np.exp(COARSE * np.arange(math.ceil(math.log(high / low) / COARSE))), high)
     scales, outcomes = _until_settled(paths, scales, settled)
     while True:

@@ -29,7 +29,7 @@ from montecarlo.engines.random import start_parameters
 
 
 class RungeKuttaParameters(NamedTuple):
-    """A scene in numbers, nondimensional."""
+    """What the kernels of rk4 read of a scene, nondimensional."""
 
     block: KernelBlock
     start: np.ndarray  # (5,), of `start_parameters`
