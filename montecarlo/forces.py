@@ -16,7 +16,14 @@ from fpk_rocking.physics.motion import floor as forces
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import filtered
 from montecarlo.engines.band_noise import allocate_samples, band_of_scene, draw_start_and_noise
-from montecarlo.engines.filtered import bound_noise, draw_first_states, draw_next_interval, draw_parts, workspace_of
+from montecarlo.engines.filtered import (
+    bound_noise,
+    bound_part,
+    draw_first_states,
+    draw_next_interval,
+    draw_parts,
+    workspace_of,
+)
 from montecarlo.engines.random import draw_start, open_stream, start_parameters, stream_keys
 from montecarlo.results.ensemble import Histories
 
@@ -183,9 +190,9 @@ def _write_filtered_noise(keys, parameters, places, values):
                 draw_parts(tables.parts, noise)
                 part = min(int(parts * share), parts - 1)
                 share = parts * share - part
-                bound_noise(j, tables.parts.law.shape, noise.parts[part], row, parameters.envelope, 0.0)
+                bound_part(j, part, tables.parts.law, parameters.envelope, noise)
             else:
-                bound_noise(j, tables.law.shape, noise.drawn, row, parameters.envelope, 0.0)
+                bound_noise(j, tables.law, parameters.envelope, noise, 0.0)
             for last in range(row.size - 1, 0, -1):
                 for i in range(last):
                     row[i] += share * (row[i + 1] - row[i])

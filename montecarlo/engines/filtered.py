@@ -278,8 +278,8 @@ def draw_parts(tables, noise):
 
 
 @kernel(fastmath={"contract"}, forceinline=True)
-def bound_noise(j, shape, drawn, bernstein, envelope, margin):
-    """Write the noise in interval j or a part, `shape` @ `drawn`, to `bernstein`; return bounds with the envelope."""
+def _write_bernstein(j, shape, drawn, bernstein, envelope, margin):
+    """Write `shape` (d + 1, n) @ `drawn` (n,) to `bernstein` (d + 1,); return its bounds with the envelope."""
     low, high = math.inf, -math.inf
     for i in range(bernstein.size):
         value = 0.0
@@ -292,6 +292,19 @@ def bound_noise(j, shape, drawn, bernstein, envelope, margin):
         most = envelope.strongest[j]
         return min(most * low, 0.0), max(most * high, 0.0)
     return low, high
+
+
+# The arrays are taken out of their tuples in here: a caller that took them out would count references to them.
+@kernel(fastmath={"contract"}, forceinline=True)
+def bound_noise(j, law, envelope, noise, margin):
+    """Write the noise in interval j to `noise.bernstein`; return its bounds, by a `margin` wider, with the envelope."""
+    return _write_bernstein(j, law.shape, noise.drawn, noise.bernstein, envelope, margin)
+
+
+@kernel(fastmath={"contract"})
+def bound_part(j, part, law, envelope, noise):
+    """Write the noise in a part of interval j to `noise.bernstein`; return its bounds with the envelope."""
+    return _write_bernstein(j, law.shape, noise.parts[part], noise.bernstein, envelope, 0.0)
 
 
 @kernel(fastmath={"contract"})
@@ -445,8 +458,7 @@ def _takes_parts(state, side, parameters):
 @kernel(inline="always")
 def _try_step(state, side, _number, j, parameters, workspace):
     margin = parameters.noise.parts.margin if _takes_parts(state, side, parameters) else 0.0
-    noise, envelope = workspace.noise, parameters.envelope
-    low, high = bound_noise(j, parameters.noise.law.shape, noise.drawn, noise.bernstein, envelope, margin)
+    low, high = bound_noise(j, parameters.noise.law, parameters.envelope, workspace.noise, margin)
     low, high, (x, v) = low + parameters.low[j], high + parameters.high[j], state
     if side == 0:
         return not can_lift_off(low, high, parameters.block), state
@@ -528,7 +540,7 @@ def _advance_through_pieces(x, v, side, j, until, parameters, workspace, impacts
         if begin >= until:
             break
         if count > 1:
-            low, high = bound_noise(j, tables.law.shape, noise.parts[part], noise.bernstein, envelope, 0.0)
+            low, high = bound_part(j, part, tables.law, envelope, noise)
             if side == 0 and not can_lift_off(low + parameters.low[j], high + parameters.high[j], block):
                 continue
             write_polynomial(tables.law, noise)
