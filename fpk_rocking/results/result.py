@@ -261,7 +261,9 @@ class Result:
         return columns
 
     def to_csv(self, path: File) -> None:
-        """Write the `table` as a CSV file.
+        """Write the `table` as a CSV file: survival and the like, not a density or states of paths.
+
+        Arrays with dimensions besides those of the rows are in the files of `save` and in `to_xarray`.
 
         Parameters
         ----------
