@@ -15,7 +15,7 @@ from report import table, write_section
 
 from fpk_rocking import BandNoise, Scene
 from fpk_rocking.risk import Hazard, critical_intensities, study
-from fpk_rocking.risk.outcomes import FINE, SETTLED, first_scale
+from fpk_rocking.risk.search import FINE, SETTLED, first_scale
 from montecarlo.engines.scaled_paths import ScaledPaths
 
 BLOCKS = (0.5, 1.8), (0.3, 1.5)

@@ -20,7 +20,7 @@ from fpk_rocking import Scene
 from fpk_rocking.results.storage import plain, write_json
 from fpk_rocking.risk import Draws, Fragility, Hazard, IntensityCurve, annual_frequency
 from fpk_rocking.risk.lognormal import REJECTED
-from fpk_rocking.risk.outcomes import MotionOutcomes, overturns
+from fpk_rocking.risk.search import MotionOutcomes, overturns
 
 MEDIAN, RECORDS, BLOCKS, NOISE = 0.7, 0.4, 0.25, 0.25
 EXPONENT, HIGHEST, PATHS = 2.5, 0.85, 50
@@ -77,7 +77,7 @@ def coverage(motions, suites, seed, samples, first=0, **kind):
         p_values[row] = curve.fit.p_value
         if curve.fit.reason:
             continue
-        curve = dataclasses.replace(curve, refined="noise" in kind)
+        curve = dataclasses.replace(curve, by_points="noise" in kind)
         risk = annual_frequency(curve, Hazard.power_law(1.0, EXPONENT))
         limits[row, :3] = curve.fit.median_interval, curve.fit.dispersion_interval, risk.interval
         for place, point in enumerate(POINTS, 3):

@@ -38,9 +38,15 @@ from shake_table_scores import (
 from fpk_rocking import Record
 from fpk_rocking.results.pictures import COLOURS, drawing
 from fpk_rocking.results.storage import write_json
-from fpk_rocking.risk.calibration import PRIOR, calibrated
-from fpk_rocking.risk.outcomes import block_scenes, outcomes_of
-from fpk_rocking.risk.posterior import Calibration, drawn_names, reliability_panel
+from fpk_rocking.risk.calibration import (
+    PRIOR,
+    Calibration,
+    block_scenes,
+    calibrated,
+    drawn_names,
+    outcomes_of,
+    reliability_panel,
+)
 
 BLOCKS = DATA / "shake_table_blocks.json"
 PAGE = DATA.parent / "world.md"

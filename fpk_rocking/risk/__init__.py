@@ -9,7 +9,7 @@ records; ``annual_frequency`` weighs a curve with a ``Hazard``; ``to_nrml`` and 
 programs. ``calibrated`` fits a block to tests in which it overturned or stood.
 """
 
-from fpk_rocking.risk.calibration import calibrated
+from fpk_rocking.risk.calibration import Calibration, calibrated
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities
 from fpk_rocking.risk.curves import Fragility, fragility
 from fpk_rocking.risk.drawing import Draws, drawn, synthetic_records
@@ -18,10 +18,8 @@ from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.risk.lognormal import Ranking, ranked
 from fpk_rocking.risk.motions import Intensities, at_intensity, intensities
 from fpk_rocking.risk.population import IntensityCurve
-from fpk_rocking.risk.posterior import Calibration
 from fpk_rocking.risk.rate import Risk, annual_frequency
-from fpk_rocking.risk.result import Study
-from fpk_rocking.risk.study import study
+from fpk_rocking.risk.study import Study, study
 
 __all__ = [
     "Calibration",

@@ -21,7 +21,7 @@ import scipy
 
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.risk.lognormal import fit_rows
-from fpk_rocking.risk.outcomes import equivalent_scale
+from fpk_rocking.risk.search import equivalent_scale
 
 _SWEEPS = 25
 """Sweeps of the Gibbs sampler; twice as many move limits by less than 999 draws scatter."""

@@ -18,7 +18,7 @@ from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagn
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
-from fpk_rocking.risk.outcomes import (
+from fpk_rocking.risk.search import (
     FARTHEST,
     MotionOutcomes,
     equivalent_scale,
@@ -242,6 +242,21 @@ class CriticalIntensities(Result):
         return figure_of(panel)
 
 
+def critical_of(
+    outcomes: MotionOutcomes,
+    scenes: tuple[Scene, ...],
+    measure: str,
+    highest: float,
+    own: Array,
+    options: dict[str, Any],
+    wall_s: float,
+) -> CriticalIntensities:
+    """Return critical intensities from outcomes over the scale, of which the first curve of a scene is overturning."""
+    jumps = outcomes.jumps[:, 0] * own[:, None]
+    at_own = outcomes.peak, outcomes.overturn_time, outcomes.overturn_side
+    return CriticalIntensities(scenes, measure, highest, own, jumps, *at_own, options, wall_s)
+
+
 def seconds_of(scenes: Sequence[Scene], times: Array) -> Array:
     """Return `times` τ (m,), one of each scene, in seconds (m,); nan for a block without dimensions."""
     sizes = [scene.block.size for scene in scenes]
@@ -360,15 +375,5 @@ def critical_intensities(
     if failed:
         raise ValueError(f"motion {motion_names(scenes)[failed['cell']]}: {failed['reason']}")
     outcomes = MotionOutcomes.of([row["values"] for row in rows])
-    return CriticalIntensities(
-        scenes=scenes,
-        measure=measure,
-        highest=math.inf if highest is None else highest,
-        own=own,
-        jumps=outcomes.jumps[:, 0] * own[:, None],
-        peak=outcomes.peak,
-        overturn_time=outcomes.overturn_time,
-        overturn_side=outcomes.overturn_side,
-        options=options,
-        wall_s=time.perf_counter() - started,
-    )
+    end = math.inf if highest is None else highest
+    return critical_of(outcomes, scenes, measure, end, own, options, time.perf_counter() - started)

@@ -12,18 +12,17 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress, not_none
-from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark
+from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, path_diagnostics, scene_diagnostics
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.sampling import wilson_interval
 from fpk_rocking.results.storage import plain
-from fpk_rocking.results.trust import UNASKED, Diagnostic
-from fpk_rocking.risk.critical import CriticalIntensities
+from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Diagnostic
+from fpk_rocking.risk.critical import CriticalIntensities, critical_of
 from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal, limits_text, outcomes_text
 from fpk_rocking.risk.motions import Intensities, measure_of, measured, motion_names, motion_table
-from fpk_rocking.risk.outcomes import FARTHEST, MotionOutcomes, overturns, search
-from fpk_rocking.risk.outcomes import kernels_of as kernels_of_paths
 from fpk_rocking.risk.population import IntensityCurve
-from fpk_rocking.risk.suites import curve_diagnostics
+from fpk_rocking.risk.search import FARTHEST, MotionOutcomes, overturns, search
+from fpk_rocking.risk.search import kernels_of as kernels_of_paths
 from fpk_rocking.scene.axes import result_times
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.execution import Job, run_jobs, seed_of
@@ -162,18 +161,9 @@ class Fragility(Result):
         """`CriticalIntensities`: critical scales of each scene, and what it does at scale 1; None with noise."""
         if self.motions is None:
             return None
-        return CriticalIntensities(
-            scenes=self.scenes,
-            measure="scale",
-            highest=math.inf if "farthest" in self.options else float(self.scale[-1]),
-            own=np.ones(len(self.scenes)),
-            jumps=self.motions.jumps[:, 0].copy(),
-            peak=self.motions.peak,
-            overturn_time=self.motions.overturn_time,
-            overturn_side=self.motions.overturn_side,
-            options={name: self.options[name] for name in ("cycles", "times") if name in self.options},
-            wall_s=self.wall_s,
-        )
+        end = math.inf if "farthest" in self.options else float(self.scale[-1])
+        options = {name: value for name, value in self.options.items() if name in {"cycles", "times"}}
+        return critical_of(self.motions, self.scenes, "scale", end, np.ones(len(self.scenes)), options, self.wall_s)
 
     @property
     def measure(self) -> str:
@@ -258,9 +248,67 @@ class Fragility(Result):
             dict.fromkeys((*filter(None, of), *(diagnostic.message for diagnostic in self.model_diagnostics())))
         )
 
+    def scene_diagnostics(self) -> list[Diagnostic]:
+        """Return a list of `Diagnostic` on scenes, noise and engine, each kind once."""
+        return self._unanswered() + self._noise() + (path_diagnostics(self.engine) if self.deterministic.any() else [])
+
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return a list of `Diagnostic` of this result beside its sampling errors, each kind once."""
-        return curve_diagnostics(self)
+        """Return a list of `Diagnostic` beside sampling errors, each kind once: `scene_diagnostics`, fits, falls."""
+        return self.scene_diagnostics() + self._rejected() + self._falling()
+
+    def _unanswered(self):
+        """Return a list with a `Diagnostic` if some probabilities have no answer; else an empty list."""
+        if not self.reasons:
+            return []
+        count, first = self.probability.size, next(iter(self.reasons.values()))
+        sentence = f"The engine gave no answer for {len(self.reasons)} of {count} probabilities: {first}"
+        return [Diagnostic(CAUTION if len(self.reasons) < count else UNUSABLE, sentence, "unanswered")]
+
+    def _noise(self):
+        """Return a list of `Diagnostic` on model and noise of the scenes, the severest of each kind."""
+        kinds: dict[str, dict[Diagnostic, None]] = {}
+        for scene in self.scenes:
+            for diagnostic in scene_diagnostics(scene, self.noise_replacement, scales=(self.scale[0], self.scale[-1])):
+                kinds.setdefault(diagnostic.kind, {})[diagnostic] = None
+        grouped = []
+        for kind in kinds.values():
+            first, *others = sorted(kind, key=lambda diagnostic: -diagnostic.severity)
+            likewise = f" ({len(others)} of the others likewise.)" * bool(others)
+            grouped.append(first._replace(message=first.message + likewise))
+        return grouped
+
+    def _rejected(self):
+        """Return a list with a `Diagnostic` if the data reject lognormal fits; else an empty list."""
+        curves = [fit for fits in self.fits for fit in fits]
+        rejected = [fit for fit in curves if fit.rejected]
+        if not rejected:
+            return []
+        worst = max(rejected, key=lambda fit: fit.misfit)
+        which = f" of {len(rejected)} of {len(curves)} curves" if len(curves) > 1 else ""
+        sentence = (
+            f"The lognormal fit{which} is rejected ({worst.rejected}): it is off by up to {worst.misfit:.2g}. "
+            "Use the probabilities themselves."
+        )
+        return [Diagnostic(CAUTION, sentence, "fit")]
+
+    def _falling(self):
+        """Return a list with a `Diagnostic` if a curve falls as the shaking grows; else an empty list."""
+        # At this confidence chance alone seldom makes any curve fall.
+        low, high = np.moveaxis(self.interval(0.9999), -1, 0)
+        most = np.fmax.accumulate(low, axis=-1)
+        fall = np.nan_to_num(most - high, nan=-1.0)
+        fall[self.deterministic] = -1.0
+        if fall.max() <= 0.0:
+            return []
+        m, which, last = np.unravel_index(fall.argmax(), fall.shape)
+        curve, scale = self.probability[m, which], self.scale
+        first = int(np.nanargmax(low[m, which, : last + 1]))
+        repeats = "Harmonic shaking may do so by its phase: try others." if self.scenes[0].repeats else ""
+        sentence = (
+            f"The probability falls as the shaking grows: {curve[first]:.3g} at scale {scale[first]:.4g}, "
+            f"{curve[last]:.3g} at {scale[last]:.4g}. {repeats}"
+        )
+        return [Diagnostic(CAUTION, sentence.strip(), "falls")]
 
     @property
     def error_figures(self) -> dict[str, Any]:

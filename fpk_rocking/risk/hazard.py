@@ -162,7 +162,7 @@ def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
         high += math.log(curve.fit.median) + TAIL * spread
     else:
         high += math.log(places[-1])
-    if curve.refined or not curve.fitted:
+    if curve.by_points or not curve.fitted:
         points = np.concatenate([points, np.log(places)])
     width = min(0.25 * spread, 1.0 / steep)
     points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import math
+from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -16,21 +17,17 @@ from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
 from fpk_rocking.risk.capacities import Capacities
 from fpk_rocking.risk.drawing import Draws
-from fpk_rocking.risk.lognormal import LognormalFit, fit_rows
+from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal, fit_rows
 from fpk_rocking.risk.motions import intensity_of, measure_of
-from fpk_rocking.risk.outcomes import farthest_scale, first_scale, last_scale
-from fpk_rocking.risk.suites import (
-    binomial_limits,
-    model_diagnostics,
-    name_sources,
-    outcome_steps,
-    suite_fields,
-    with_intervals,
-)
+from fpk_rocking.risk.search import farthest_scale, first_scale, last_scale
 from fpk_rocking.scene.scene import Scene
 
 _USUAL = 0.5
 """Dispersion below the lowest point of a curve without a fit: that of FEMA P-58 for contents that overturn."""
+
+
+_TESTED = np.linspace(-2.5, 2.5, 41)
+"""Where a fit to outcomes without noise is tested if some motions stand in the end, in dispersions from its median."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -68,7 +65,7 @@ class IntensityCurve(Result):
         0) with noise.
     model : tuple of Diagnostic
         What speaks against scenes, noise and engine.
-    refined : bool
+    by_points : bool
         Whether the intensities were chosen so that a rate by the points, joined by lines, does not depend on them
         (`fpk_rocking.risk.study`). It then is by the points though there is a fit, which does depend on them.
     reach : float
@@ -102,7 +99,7 @@ class IntensityCurve(Result):
     scenes: tuple[Scene, ...] = ()
     jumps: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0, 0)))
     model: tuple[Diagnostic, ...] = ()
-    refined: bool = False
+    by_points: bool = False
     reach: float = math.inf
 
     @property
@@ -324,7 +321,7 @@ class IntensityCurve(Result):
         trials = fragility.realizations
         common = {
             "name": fragility.names[which], "measure": measure, "intensity": intensity, "scenes": fragility.scenes,
-            "model": tuple(model_diagnostics(fragility)),
+            "model": tuple(fragility.scene_diagnostics()),
         }  # fmt: skip
         origin = np.arange(len(shares)) if draws is None else np.array(draws.origin)
         records = np.unique(origin)
@@ -365,3 +362,88 @@ class IntensityCurve(Result):
             **common, probability=shares[0], interval=limits, fit=fit, replicates=replicates, records=1, sources=noise,
             source_errors=error,
         )  # fmt: skip
+
+
+def suite_fields(
+    capacities: Any,
+    intensity: Array,
+    shares: Array,
+    trials: int,
+    drawn: Mapping[str, Any],
+    samples: int | None,
+    rng: np.random.Generator,
+    steps: tuple[Array, Array, float] | None,
+) -> dict[str, Any]:
+    """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows."""
+    mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
+    fields = {
+        "probability": mean,
+        "units": units,
+        "replicates": np.empty((0, 2)),
+        "interval": binomial_limits(mean, units),
+    }
+    places, share, reach = (intensity, mean, math.inf) if steps is None else steps
+    fit = fit_lognormal(intensity, mean) if steps is None else LognormalFit()
+    if not fit.reason and capacities.complete.size < 2:
+        where = "within these intensities" if steps is None else "for good"
+        fit = LognormalFit(reason=f"fewer than two motions overturn a block {where}")
+    if fit.reason:
+        return fields | {"fit": fit}
+    population, values = capacities.draws(samples or capacities.usual_draws, rng)
+    spreads = np.linalg.norm(population[:, 1:], axis=1)
+    # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
+    with np.errstate(over="ignore"):
+        fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
+    if steps is not None:
+        fit = LognormalFit(*capacities.moments(population))
+        fit = fit._replace(misfit=float(np.abs(fit(places) - share).max(initial=0.0)))
+        # Apart from the jumps: those of simulated suites lie elsewhere, and a distance is largest at a jump.
+        places, known = fit.median * np.exp(fit.dispersion * _TESTED), places
+        places = places[places <= reach] if (places <= reach).any() else np.array([reach])
+        share = np.append(0.0, share)[np.searchsorted(known, places, side="right")]
+    p_value = capacities.p_value(np.log(places), share, trials, rng)
+    fit = with_intervals(fit._replace(p_value=p_value), fields["replicates"])
+    if not fit.rejected:
+        points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / spreads[:, None])
+        fields["interval"] = np.quantile(points, [0.025, 0.975], axis=0).T
+    sources = {"noise": (capacities.noise, capacities.noise * capacities.noise_error)} if capacities.noise else {}
+    sources |= capacities.parts(values, drawn) if drawn else {}
+    rest = math.sqrt(max(fit.dispersion**2 - sum(value**2 for value, _ in sources.values()), 0.0))
+    sources["record to record"] = rest, float(np.diff(np.quantile(population[:, 1], [0.16, 0.84]))[0]) / 2.0
+    return fields | {"fit": fit, "sources": sources}
+
+
+def name_sources(suite: Mapping[str, Any], records: int) -> dict[str, Any]:
+    """Return a dict of fields of an `IntensityCurve`: "records", "sources" and "source_errors" (float by name)."""
+    sources = {
+        name: part for name, part in suite.get("sources", {}).items() if records > 1 or name != "record to record"
+    }
+    values, errors = ({name: part[place] for name, part in sources.items()} for place in (0, 1))
+    return {"records": records, "sources": values, "source_errors": errors}
+
+
+def outcome_steps(jumps: Array) -> tuple[Array, Array]:
+    """Intensities (k,), just before each of the jumps (r, b, k) and at it, and the share that overturns there."""
+    signs = np.broadcast_to(1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2), jumps.shape)
+    finite = np.isfinite(jumps)
+    places, number = np.unique(jumps[finite], return_inverse=True)
+    rises = np.bincount(number, signs[finite], places.size) / (jumps.shape[0] * jumps.shape[1])
+    share = np.cumsum(rises)
+    pairs = np.stack([(1.0 - 1e-9) * places, places], axis=-1), np.stack([share - rises, share], axis=-1)
+    return tuple(np.clip(values.ravel()[1:], 0.0, np.inf) for values in pairs)
+
+
+def binomial_limits(mean: Array, count: int) -> Array:
+    """Return Clopper's and Pearson's 95 % limits (n, 2) of a `mean` (n,) over `count` independent outcomes."""
+    happened = mean * count
+    low = scipy.special.betaincinv(np.maximum(happened, 1e-300), count - happened + 1.0, 0.025)
+    high = scipy.special.betaincinv(happened + 1.0, np.maximum(count - happened, 1e-300), 0.975)
+    return np.stack([np.where(happened > 0.0, low, 0.0), np.where(happened < count, high, 1.0)], axis=-1)
+
+
+def with_intervals(fit: LognormalFit, replicates: Array) -> LognormalFit:
+    """Return a `LognormalFit` with the 95 % intervals of `replicates` (b, 2), medians and dispersions; nan without."""
+    if not len(replicates) or fit.reason:
+        return fit._replace(median_interval=(math.nan, math.nan), dispersion_interval=(math.nan, math.nan))
+    (low, narrow), (high, wide) = np.quantile(replicates, [0.025, 0.975], axis=0).tolist()
+    return fit._replace(median_interval=(low, high), dispersion_interval=(narrow, wide))

@@ -106,7 +106,7 @@ class Risk(Result):
         """
         lognormal = "its lognormal curve goes on"
         points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
-        fitted = self.curve.fitted and not self.curve.refined
+        fitted = self.curve.fitted and not self.curve.by_points
         beyond = {
             "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
             "the fragility": (self.beyond_curve, lognormal if fitted else points),
@@ -152,7 +152,7 @@ class Risk(Result):
         )
         if self.curve.jumps.size:
             through = "every intensity at which a motion overturns the block"
-        elif self.curve.fitted and not self.curve.refined:
+        elif self.curve.fitted and not self.curve.by_points:
             through = "the lognormal curve"
         else:
             through = "the points, joined by lines"
@@ -307,7 +307,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     return Risk(
         rate,
         # The limits of a fit are those of the population's curve; the mean over these motions is a point of them.
-        (min(low, rate), max(high, rate)) if curve.refined else (low, high),
+        (min(low, rate), max(high, rate)) if curve.by_points else (low, high),
         edges,
         contribution,
         share_beyond(y, share, hazard.intensity),
@@ -320,7 +320,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
 
 def _probability(curve):
     """Return a function of intensities that gives probabilities: an `IntensityCurve`, or by its points if refined."""
-    return _by_points(curve) if curve.refined else curve
+    return _by_points(curve) if curve.by_points else curve
 
 
 def _by_points(curve):

@@ -12,7 +12,7 @@ import pytest
 import scipy
 
 from fpk_rocking import Record
-from fpk_rocking.risk.outcomes import block_scene
+from fpk_rocking.risk.calibration import block_scene
 from montecarlo import simulate
 
 ROOT = pathlib.Path(__file__).parents[2]

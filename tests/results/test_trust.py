@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-import types
 
 import fakes
 import numpy as np
@@ -14,8 +13,8 @@ from fpk_rocking.compare import compare
 from fpk_rocking.results import trust
 from fpk_rocking.results.remarks import remarks, scene_diagnostics
 from fpk_rocking.results.replacement import Replacement
+from fpk_rocking.risk.curves import Fragility
 from fpk_rocking.risk.lognormal import LognormalFit
-from fpk_rocking.risk.suites import curve_diagnostics
 from montecarlo import Splitting
 
 LIMITS = {
@@ -168,27 +167,24 @@ def fit(misfit=0.0, p_value=math.nan, deviance=1.0):
     return LognormalFit(1.0, 0.4, NOTHING, NOTHING, misfit, deviance, p_value, 0.95, "")
 
 
-def curves(fits=(), reasons=(), probability=(0.5,), scenes=(WHITE,)):
-    """What `curve_diagnostics` reads of fragility curves."""
-    array = np.array(probability)[None, None]
-    return types.SimpleNamespace(
-        probability=array,
-        interval=lambda _: np.stack([array - 0.1, array + 0.1], axis=-1),
+def diagnostics(fits=(), reasons=(), probability=(0.5,)):
+    """Diagnostics of fragility curves of 100 realizations, with the given fits."""
+    shape = 1, 1, len(probability)
+    curves = Fragility(
+        scenes=(WHITE,), axis="scene", place=np.zeros(1), level=np.empty(0), scale=np.linspace(0.5, 2.0, shape[-1]),
+        probability=np.reshape(probability, shape), error_estimate=np.full(shape, math.nan), engine="exact",
+        realizations=100, noise_scaled=True, options={}, noise_replacement="", wall_s=0.0,
         reasons=dict.fromkeys(reasons, "refused."),
-        fits=[[one] for one in fits],
-        scenes=scenes,
-        scale=np.array([0.5, 2.0]),
-        noise_replacement="",
-        deterministic=np.array([False]),
-        engine="exact",
-    )
+    )  # fmt: skip
+    vars(curves)["fits"] = [[one] for one in fits]
+    return curves.model_diagnostics()
 
 
 def test_curves_without_an_answer_are_of_no_use():
-    (some,), (none,) = (curve_diagnostics(curves(reasons=range(count), probability=[0.5] * 4)) for count in (3, 4))
+    (some,), (none,) = (diagnostics(reasons=range(count), probability=[0.5] * 4) for count in (3, 4))
     assert some[:3] == (trust.CAUTION, "The engine gave no answer for 3 of 4 probabilities: refused.", "unanswered")
     assert none[:2] == (trust.UNUSABLE, "The engine gave no answer for 4 of 4 probabilities: refused.")
-    assert curve_diagnostics(curves()) == []
+    assert diagnostics() == []
 
 
 @pytest.mark.parametrize(
@@ -202,12 +198,12 @@ def test_curves_without_an_answer_are_of_no_use():
 )
 def test_a_fit_is_rejected_beyond_its_limits(inside, outside, rule):
     """Of several the worst is told, and how many there are."""
-    assert curve_diagnostics(curves([inside])) == []
-    (one,), (two,) = curve_diagnostics(curves([outside])), curve_diagnostics(curves([inside, outside, outside]))
+    assert diagnostics([inside]) == []
+    (one,), (two,) = diagnostics([outside]), diagnostics([inside, outside, outside])
     assert one.message.startswith(f"The lognormal fit is rejected {rule}")
     assert two.message.startswith(f"The lognormal fit of 2 of 3 curves is rejected {rule}")
     better = outside._replace(misfit=outside.misfit - 1e-3, p_value=0.0)
-    assert f"off by up to {outside.misfit:.2g}" in curve_diagnostics(curves([better, outside, better]))[0].message
+    assert f"off by up to {outside.misfit:.2g}" in diagnostics([better, outside, better])[0].message
 
 
 ASKED = {"tol": 2e-3, "bins_tol": 0.03}

@@ -9,10 +9,8 @@ import scipy
 
 from fpk_rocking import Record
 from fpk_rocking.risk import Calibration, calibrated, synthetic_records
-from fpk_rocking.risk.calibration import NODES, PRIOR
+from fpk_rocking.risk.calibration import FINER, NODES, PRIOR, block_scene, block_scenes, outcomes_of
 from fpk_rocking.risk.drawing import concentrated
-from fpk_rocking.risk.outcomes import block_scene, block_scenes, outcomes_of
-from fpk_rocking.risk.posterior import FINER
 from montecarlo import simulate
 
 ALPHA, RATE, BOUNCE, SCATTER = 0.08, 5.0, 0.85, 0.2
@@ -193,7 +191,7 @@ def test_pictures_show_the_posterior_and_reliability(fitted):
 
 def test_reliability_has_wilson_intervals():
     from fpk_rocking.results.pictures import figure_of
-    from fpk_rocking.risk.posterior import reliability_panel
+    from fpk_rocking.risk.calibration import reliability_panel
 
     figure = figure_of(lambda _, axes: reliability_panel(axes, np.full(20, 0.3), np.arange(20) < 5, 1))
     low, high = figure.axes[0].lines[0].get_ydata()

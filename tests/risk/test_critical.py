@@ -17,7 +17,7 @@ from fpk_rocking.risk import (
 )
 from fpk_rocking.risk.critical import factor_diagnostics
 from fpk_rocking.risk.motions import motion_names
-from fpk_rocking.risk.outcomes import first_scale, overturns
+from fpk_rocking.risk.search import first_scale, overturns
 from fpk_rocking.studies import scaled
 from montecarlo import simulate
 

@@ -183,7 +183,7 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
             Diagnostic(1, "Bare."),
         ]
 
-    monkeypatch.setattr("fpk_rocking.risk.suites.scene_diagnostics", diagnosed)
+    monkeypatch.setattr("fpk_rocking.risk.curves.scene_diagnostics", diagnosed)
     reasons = [reason for reason in dataclasses.replace(curves, wall_s=2.0).trust.reasons if "half width" not in reason]
     assert [reason for reason in reasons if "fit" not in reason] == [
         "Wide: Measured: here. (1 of the others likewise.)",

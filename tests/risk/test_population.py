@@ -12,7 +12,7 @@ from fpk_rocking import BandNoise, Block, NoNoise, Pulse, Scene
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, drawn, fragility
 from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal
 from fpk_rocking.risk.motions import intensity_of
-from fpk_rocking.risk.outcomes import MotionOutcomes, overturns
+from fpk_rocking.risk.search import MotionOutcomes, overturns
 
 
 def test_the_dispersion_over_records_is_parted_from_that_of_the_noise():

@@ -160,7 +160,7 @@ def test_where_nothing_overturns_the_upper_limits_are_above_zero():
 def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     curve, law = curve_of(0.7, 0.5), Hazard.power_law(rate=1e-3, exponent=2.0)
     closed = 1e-3 * 0.7**-2.0 * math.exp(2.0 * 0.5**2)
-    along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, refined=True), law)
+    along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, by_points=True), law)
     assert along.exported_rate == pytest.approx(closed, rel=1e-9)
     assert along.rate < 0.7 * closed
     title = f"annual rate of overturning = {rate_text(along.rate)} by the points, {rate_text(closed)} "

@@ -22,7 +22,7 @@ from fpk_rocking.risk import (
 )
 from fpk_rocking.risk.curves import Fragility
 from fpk_rocking.risk.lognormal import LognormalFit
-from fpk_rocking.risk.study import refined
+from fpk_rocking.risk.study import with_added_intensities
 
 MOTIONS, HAZARD = 8, Hazard.power_law(1e-4, 2.5)
 
@@ -57,11 +57,13 @@ def test_rates_by_8_24_and_48_intensities_are_within_two_percent(suite):
     def risk_of(curves):
         """Return the risk by the points of a fragility."""
         curve = IntensityCurve.of(curves, "PGV", samples=1)
-        return annual_frequency(dataclasses.replace(curve, refined=True), HAZARD)
+        return annual_frequency(dataclasses.replace(curve, by_points=True), HAZARD)
 
     grid = np.geomspace(0.01, 100.0, 100_001)
     truth = (probability(np.sqrt(grid[1:] * grid[:-1])).mean(axis=0) * -np.diff(HAZARD(grid))).sum()
-    rates = [risk_of(refined(sample, risk_of, np.geomspace(0.1, 4.0, count))[0]).rate for count in (8, 24, 48)]
+    rates = [
+        risk_of(with_added_intensities(sample, risk_of, np.geomspace(0.1, 4.0, count))[0]).rate for count in (8, 24, 48)
+    ]
     assert max(rates) < 1.02 * min(rates)
     assert rates == pytest.approx([truth] * 3, rel=0.02)
 
@@ -82,7 +84,7 @@ def test_the_rate_of_a_refined_curve_is_by_its_points_and_within_its_limits():
         8,
         units=8,
     )
-    by_fit, by_points = (annual_frequency(dataclasses.replace(curve, refined=by), HAZARD) for by in (False, True))
+    by_fit, by_points = (annual_frequency(dataclasses.replace(curve, by_points=by), HAZARD) for by in (False, True))
     inside = (0.5 * (share[1:] + share[:-1]) * -np.diff(HAZARD(scale))).sum() + share[-1] * HAZARD(scale[-1])
     assert by_points.rate == pytest.approx(inside / (1.0 - by_points.below_curve), rel=5e-3)
     assert by_fit.rate == pytest.approx(2.0 * by_points.rate, rel=0.1)

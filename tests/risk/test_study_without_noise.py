@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Scene, studies
-from fpk_rocking.risk import Hazard, outcomes, study, synthetic_records
+from fpk_rocking.risk import Hazard, search, study, synthetic_records
 from fpk_rocking.risk.motions import intensities
 from montecarlo import histories, simulate
 
@@ -101,7 +101,7 @@ def test_with_noise_intensities_are_added_up_to_where_each_motion_overturns_the_
 
 def test_motions_that_do_not_settle_are_told_by_name(monkeypatch):
     """Searches that end at three times the scale of lift-off: the motions that stand there."""
-    monkeypatch.setattr(outcomes, "FARTHEST", 3.0)
+    monkeypatch.setattr(search, "FARTHEST", 3.0)
     block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
     result = study(block, motions, Hazard.power_law(1e-4, 2.5), [0.3, 1.0, 3.0])
     stands = np.isinf(result.critical.always)
@@ -140,7 +140,7 @@ def test_without_noise_each_motion_is_told_by_name(tmp_path):
 
 
 def test_a_correction_under_motions_that_overturn_nothing_changes_nothing(monkeypatch):
-    monkeypatch.setattr(outcomes, "FARTHEST", 1.5)
+    monkeypatch.setattr(search, "FARTHEST", 1.5)
     block, hazard = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), Hazard.power_law(1e-4, 2.5)
     motions = [
         dataclasses.replace(motion, samples=tuple((0.05 * np.array(motion.samples) + 0.002).tolist()))
