@@ -42,15 +42,6 @@ class ContactForces:
         Times τ.
     horizontal, normal : ndarray, shape (realizations, n)
         Over mg, the horizontal one positive towards x > 0; nan after overturning.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from montecarlo import contact_forces, histories
-    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz")
-    >>> forces = contact_forces(histories(rack, cycles=2))
-    >>> print(forces.horizontal.shape, forces.needed.round(2), forces.least.round(2))
-    (1, 201) [0.31] [0.84]
     """
 
     scene: Scene

@@ -31,14 +31,6 @@ class MeanMap(NamedTuple):
         Number of realizations that count.
     overturned_after : int or None
         Cycles after which the mean lies at the cut-off, or no realization counts; None for never.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import mean_poincare_map, simulate
-    >>> mean = mean_poincare_map(simulate(load_scene("main"), cycles=4, realizations=1000), overturned="left out")
-    >>> print(mean.counted, mean.standard_error[4].round(3))
-    [1000 1000 1000  966  862] [0.018 0.014]
     """
 
     points: np.ndarray

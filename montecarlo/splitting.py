@@ -46,15 +46,6 @@ class Splitting(Result):
         Estimates of each repeat: probability of having overturned by kT to the left and to the right.
     levels, killed : ndarray of int, shape (repeats,)
         Number of levels that each repeat passed, and of paths that it gave up.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import split
-    >>> weak = load_scene("main").varied(noise={"variance": 0.03}).white_equivalent()
-    >>> rare = split(weak, cycles=2, walkers=200, repeats=20)
-    >>> print(rare.repeat_probability.shape, rare.skewed)
-    (20, 3) False
     """
 
     kind: ClassVar = "splitting"

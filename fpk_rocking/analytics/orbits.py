@@ -32,13 +32,6 @@ class SymmetricOrbit:
         Speed W just before an impact, above 0; after it the speed is eW.
     impact_phase : float
         Phase Ωτ + Ψ of the forcing, in [0, 2π), at the impacts after which x > 0. At the others it is larger by π.
-
-    Examples
-    --------
-    >>> from fpk_rocking.analytics.orbits import symmetric_orbits
-    >>> orbit = symmetric_orbits(amplitude=4.6, frequency=2.7, restitution=0.5)[-1]
-    >>> print(orbit.stable, abs(orbit.multipliers).round(3))
-    False [0.172 1.45 ]
     """
 
     amplitude: float

@@ -144,14 +144,6 @@ class SurvivalEstimate(NamedTuple):
         Estimated error from representing the density by its leading modes, where that is done.
     error_estimate : ndarray, shape (n,)
         Estimated error of survival: from the next coarser mesh and from the error of the escape rate, plus `left_out`.
-
-    Examples
-    --------
-    >>> from fpk_rocking import CycleOperator, WhiteNoise, load_scene
-    >>> operator = CycleOperator(load_scene("main").varied(noise=WhiteNoise(0.04)), tol=1e-2)
-    >>> estimate = operator.estimate_survival([2, 4])
-    >>> print(estimate.survival.round(2), estimate.error_estimate < 1e-2)
-    [0.84 0.5 ] [ True  True]
     """
 
     cycles: np.ndarray

@@ -88,15 +88,6 @@ class Prediction(NamedTuple):
     ----------
     probability, low, high : ndarray, shape (n,)
         Mean over the posterior, and 95 % limits.
-
-    Examples
-    --------
-    >>> from fpk_rocking.risk import calibrated, synthetic_records
-    >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
-    >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
-    >>> prediction = block.predict(synthetic_records(1, duration=4.0, rms=2.5, seed=9))
-    >>> print(prediction.probability.round(2), prediction.low.round(2), prediction.high.round(2))
-    [0.88] [0.56] [0.98]
     """
 
     probability: Array
@@ -132,14 +123,6 @@ class Calibration(Result):
         Angle of overturning, in critical angles.
     wall_s : float
         Seconds that the paths took.
-
-    Examples
-    --------
-    >>> from fpk_rocking.risk import calibrated, synthetic_records
-    >>> motions = synthetic_records(6, duration=4.0, rms=2.5)
-    >>> block = calibrated(motions, [True, True, False, True, False, False], draws=8)
-    >>> print(block.overturns.shape[:2], block.trust.verdict)
-    (6, 8) caution
     """
 
     kind: ClassVar = "calibration"

@@ -77,15 +77,6 @@ class CriticalIntensities(Result):
         Cycles or times, as passed to `critical_intensities`.
     wall_s : float
         Seconds that the call took.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import critical_intensities, synthetic_records
-    >>> block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
-    >>> suite = critical_intensities(block, synthetic_records(5, duration=5.0), highest=2.0)
-    >>> print(suite.critical.round(2), suite.factor.round(1))
-    [0.92 0.97 0.69 0.86 0.53] [2.8 4.2 1.8 3.5 2.1]
     """
 
     kind: ClassVar = "critical"

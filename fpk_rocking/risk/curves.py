@@ -70,20 +70,6 @@ class Fragility(Result):
         Seconds that the call took.
     motions : MotionOutcomes or None
         Of scenes without noise by the method "exact": all changes of outcome, and what happens at scale 1.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> curve = fragility(rack, scale=[0.8, 1.0, 1.2], cycles=4, realizations=500)
-    >>> print(curve.interval()[0, 0].round(2))
-    [[0.   0.01]
-     [0.07 0.12]
-     [0.31 0.39]]
-    >>> print(f"median {curve.fits[0][0].median:.2f}, {curve.intensities[0].pga:.2f} m/s² at scale 1")
-    median 1.28, 4.90 m/s² at scale 1
     """
 
     kind: ClassVar = "fragility"

@@ -27,15 +27,6 @@ class Draws(NamedTuple):
         What was drawn, by the names of the parameters.
     origin : tuple of int, (n,)
         For each, the number of the scene in which values were replaced, from 0.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import drawn
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
-    >>> blocks = drawn(rack, {"size_factor": "lognormal:1:0.05"}, count=3)
-    >>> print([f"{scene.block.dimensions.height:.2f} m" for scene in blocks.scenes])
-    ['1.79 m', '1.95 m', '1.70 m']
     """
 
     scenes: tuple[Scene, ...]

@@ -45,13 +45,6 @@ class LognormalFit(NamedTuple):
         Confidence of the intervals.
     reason : str
         Why there is no fit; empty where there is one.
-
-    Examples
-    --------
-    >>> from fpk_rocking.risk.lognormal import fit_lognormal
-    >>> fit = fit_lognormal([0.5, 1.0, 2.0], [0.1, 0.45, 0.9], realizations=100)
-    >>> print(fit([0.7, 1.4]).round(2), [round(limit, 2) for limit in fit.median_interval])
-    [0.24 0.71] [0.94, 1.13]
     """
 
     median: float = math.nan
@@ -171,16 +164,6 @@ class Ranking(NamedTuple):
         each of which counts like one outcome. The smaller, the better does the measure alone say what happens.
     median, dispersion : float
         Of that curve.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import fragility, ranked, synthetic_records
-    >>> motions = zip((1.2, 1.8, 2.4), synthetic_records(3, duration=5.0))
-    >>> racks = [Scene.from_block(0.28 * height, height, record=record) for height, record in motions]
-    >>> best = ranked(fragility(racks, scale=[1.0, 2.0, 3.0, 4.0]))[0]
-    >>> print(f"{best.measure}: median {best.median:.2f}, dispersion {best.dispersion:.2f}")
-    p PGV / (g tan θ_cr): median 0.88, dispersion 0.17
     """
 
     measure: str

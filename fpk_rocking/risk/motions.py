@@ -34,14 +34,6 @@ class Intensities(NamedTuple):
         p PGV / (g tan θ_cr) (E. G. Dimitrakopoulos, T. S. Paraskeva, "Dimensionless fragility curves for rocking
         response to near-fault excitations", Earthquake Eng. Struct. Dyn. 44(12), 2015-2033, 2015). A block without
         dimensions counts as slender, tan θ_cr = θ_cr.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.risk import intensities
-    >>> motion = intensities(load_scene("main"))
-    >>> print(motion.acceleration, f"{motion.velocity:.3f}", motion.pga)
-    4.6 1.704 nan
     """
 
     acceleration: float

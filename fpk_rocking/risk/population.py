@@ -71,18 +71,6 @@ class IntensityCurve(Result):
     reach : float
         Without noise: least intensity up to which all records were searched that do not overturn a block for good; inf
         where there is none.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import IntensityCurve, at_intensity
-    >>> from fpk_rocking.risk import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> curve = IntensityCurve.of(curves, "PGV")
-    >>> print(curve.probability.round(2), f"median {curve.fit.median:.2f} {curve.unit}")
-    [0.1  0.34 0.52 0.65] median 0.70 m/s
     """
 
     name: str

@@ -48,18 +48,6 @@ class Risk(Result):
         Share of λ from intensities below those of the fragility; 0 without noise.
     curve : IntensityCurve
     hazard : Hazard
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
-    >>> from fpk_rocking.risk import fragility
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
-    >>> risk = annual_frequency(IntensityCurve.of(curves, "PGV"), Hazard.power_law(rate=1e-3, exponent=2.5))
-    >>> print(f"every {risk.return_period:.0f} years, {risk.probability(50.0):.2f} in 50 years")
-    every 310 years, 0.15 in 50 years
     """
 
     rate: float

@@ -87,18 +87,6 @@ class Study(Result):
         Part of the rate by which the last of them moved it.
     uncorrected : IntensityCurve or None
         Curve of the motions without baseline correction, where there was one, and neither noise nor a drawn block.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.risk import Hazard, study
-    >>> from fpk_rocking.risk import synthetic_records
-    >>> rack = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
-    >>> motions, hazard = synthetic_records(5, duration=5.0), Hazard.power_law(rate=1e-3, exponent=2.5)
-    >>> racks = study(rack, motions, hazard, [0.3, 0.6, 1.2], realizations=20)
-    >>> print(racks.records.shape, racks.trust.verdict)
-    (5, 17) caution
     """
 
     fragility: Fragility

@@ -26,14 +26,6 @@ class Grid(NamedTuple):
         In the order of the combinations, the last axis changing fastest.
     axes : dict of str to tuple of float
         Values of each parameter by its name.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.studies import grid
-    >>> cells = grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6], "noise.variance": [0.01, 0.04]})
-    >>> print(len(cells.scenes), cells.scenes[1].noise.variance, cells.axes["noise.variance"])
-    4 0.04 (0.01, 0.04)
     """
 
     scenes: tuple[Scene, ...]

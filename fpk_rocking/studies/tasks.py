@@ -128,16 +128,6 @@ class SlendernessCost(NamedTuple):
         Of `difference`, from the pairs that differ, or as from one such pair where there is none. 0 without noise.
     realizations : int
         Number of pairs.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from fpk_rocking.studies import slenderness_cost
-    >>> rack = Scene.from_block(0.5, 1.8, "0.5 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> cost = slenderness_cost(rack, cycles=4, realizations=1000)
-    >>> print(cost.exact, cost.slender, f"{cost.difference:.3f} ± {cost.standard_error:.3f}")
-    0.103 0.179 0.076 ± 0.013
     """
 
     exact: float

@@ -54,14 +54,6 @@ class Counts(NamedTuple):
         Sums over the standing realizations, in quanta: of angle and velocity; of xx, xv and vv, high and low halves.
     returns : ndarray of int, shape (2,)
         As of `montecarlo.Ensemble`.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import tally
-    >>> counts = tally(load_scene("main"), cycles=4, realizations=1000).counts
-    >>> print(counts.standing, counts.passages.sum(axis=0))
-    [1000 1000 1000  966  862] [ 27 111]
     """
 
     times: Annotated[Array, "f8 k+1"]

@@ -37,14 +37,6 @@ class Ensemble(Sample):
     returns : ndarray of int, shape (2,)
         How many paths that overturned were followed on to the fall, 90 degrees, and how many of these came back. 0
         where the critical angle is unknown, or the angle of overturning is not the default.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import simulate
-    >>> ensemble = simulate(load_scene("main"), cycles=4, realizations=1000)
-    >>> print(ensemble.survival.round(2), ensemble.overturned[4], ensemble.angle.shape)
-    [1.   1.   1.   0.97 0.86] [0.027 0.111] (1000, 5)
     """
 
     kind: ClassVar = "ensemble"
@@ -102,16 +94,6 @@ class Histories(Paths):
     impact_time, impact_velocity : ndarray, shape (n_impacts,)
         Time τ of each impact, and the velocity just before it. A burst of ever smaller impacts (chatter) that an engine
         sums up is not listed.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene
-    >>> from montecarlo import histories
-    >>> rack = Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz",
-    ...                         noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> paths = histories(rack, cycles=2, realizations=3)
-    >>> print(paths.impacts, paths.impact_velocity.round(2))
-    [3 3 2] [ 0.36 -0.91  0.67  0.29 -1.03  0.77  0.14 -0.64]
     """
 
     kind: ClassVar = "histories"

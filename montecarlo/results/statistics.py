@@ -25,15 +25,6 @@ class Histogram(NamedTuple):
         Edges of the bins, and number of values in each.
     density, interval : ndarray, shape (n,) and (n, 2)
         Mean density over each bin, and its confidence limits.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import first_passage, simulate
-    >>> passage = first_passage(simulate(load_scene("main"), cycles=4, realizations=1000), [0.0, 4.0, 8.0])
-    >>> print(passage.counts, passage.interval.round(3))
-    [ 0 98] [[0.    0.001]
-     [0.02  0.029]]
     """
 
     edges: np.ndarray
@@ -156,14 +147,6 @@ class Rate(NamedTuple):
         Confidence limits of the rate.
     count : int
         Number of overturned blocks behind it.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import overturning_rate, simulate
-    >>> rate = overturning_rate(simulate(load_scene("main"), cycles=4, realizations=1000), after=2)
-    >>> print(rate.count, rate.interval.round(3))
-    138 [0.061 0.086]
     """
 
     rate: float

@@ -24,15 +24,6 @@ class Tally(Sample):
         As of `Ensemble`; seconds of all parts of the run.
     counts : Counts
         The counts themselves, from which all else here follows.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from montecarlo import tally
-    >>> counted = tally(load_scene("main"), cycles=4, realizations=1000)
-    >>> print(counted.mean[4].round(2), counted.bin_probabilities(4, [-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0]).round(2))
-    [-0.31  0.52] [[0.   0.57]
-     [0.08 0.08]]
     """
 
     kind: ClassVar = "tally"
