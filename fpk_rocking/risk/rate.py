@@ -257,7 +257,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """Return the annual frequency of a limit state.
 
     Gauss-Legendre rules over the logarithm of the intensity between the points of the hazard: exact to rounding for a
-    lognormal curve and a power law (λ = k₀ M^(-k) exp(k²β²/2)). A curve whose intensities were refined counts by its
+    lognormal curve and a power law (λ = k₀ M^(-k) exp(k²β²/2)). A curve that is `by_points` counts by its
     points. Without noise each interval of overturning adds the difference of the hazard at its ends.
 
     Parameters
@@ -307,7 +307,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
 
 
 def _probability(curve):
-    """Return a function of intensities that gives probabilities: an `IntensityCurve`, or by its points if refined."""
+    """Return a function of intensities that gives probabilities: an `IntensityCurve`, or by its points."""
     return _by_points(curve) if curve.by_points else curve
 
 
