@@ -49,7 +49,7 @@ class StartUp:
         x, v = self._initial.mean
         self._side = 1 if (x or v or dynamics.force(0.0)) > 0.0 else -1
         self._exact = dynamics.block.critical_angle is not None
-        self._flight = exact_flight(self._initial, dynamics, self.longest, self._side) if self._exact else None
+        self._flight = exact_flight(self._initial, dynamics, self._side) if self._exact else None
         self._longest_flight = TUNING.exact_flight * settings.growth if self._exact else math.inf
         self._noise_time = self._initial.covariance[1, 1] / (2.0 * dynamics.averaged_over(0.0, 1e-9 * period).diffusion)
         self._gaussian_until = self._last_gaussian_time()
