@@ -169,7 +169,7 @@ class StartUp:
         """Return the last time, a float, until which the density is a Gaussian that nothing has disturbed."""
         initial, least = self._initial, 1e-9 * self._cycle
         if not initial.mean.any() and not initial.covariance.any():
-            return self.settings.early * _drift_time(self.dynamics)
+            return min(self.settings.early * _drift_time(self.dynamics), TUNING.first_patch)
         quiet = 0.0 if initial.covariance.any() else least
         for time in np.geomspace(least, TUNING.closed_form_part * self.longest, 100):
             gaussian = self.flight(time)
