@@ -96,7 +96,7 @@ class Result:
         Parameters
         ----------
         path : str or pathlib.Path
-            By custom with the suffix .npz; its folder is created if missing.
+            By custom with the suffix .npz; a missing folder is created.
 
         Raises
         ------
@@ -116,18 +116,16 @@ class Result:
 
         Raises
         ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is not a result, is damaged or truncated, or holds another kind, format or content.
+        FileNotFoundError, ValueError
+            There is no such file; it is no result, is damaged, or holds another kind or format.
         """
         return storage.load(cls, path)
 
     def derived(self) -> dict[str, tuple[str | tuple[str, ...], Any]]:
         """Arrays besides the fields: (dimensions, values) by name, as in ``{"speed": ("time side", speeds)}``.
 
-        The values are an array, or a function without parameters that computes it, for arrays that take long. A field
-        that is named here as well stands at this place in the table.
+        Of an array that takes long the values are a function that computes it. A field that is named here as well
+        stands at this place in the table.
         """
         return {}
 
@@ -178,7 +176,7 @@ class Result:
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok" if no error figure has a limit; empty where there has to be one."""
+        """Reason of the verdict "ok" if no error figure has a limit; empty where one must have."""
         return ""
 
     @functools.cached_property
