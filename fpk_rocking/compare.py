@@ -36,10 +36,8 @@ class Comparison(Result):
     Attributes
     ----------
     results : tuple of SurvivalResult
-    cycles : ndarray, shape (n+1,)
-        0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
-    times : ndarray, shape (n+1,)
-        Nondimensional.
+    cycles, times : ndarray, shape (n+1,)
+        Numbers of the rows, from 0 to the last that both results have, and their nondimensional times.
     periodic : bool
         Whether the forcing repeats.
     survival : ndarray, shape (n+1, 2)
@@ -47,17 +45,14 @@ class Comparison(Result):
     interval : ndarray, shape (n+1, 2, 2)
         95 % confidence limits, indexed [cycle, result, limit]; nan for what is no sample.
     error_estimate : ndarray, shape (2,)
-        Of the survival of a density; nan for a sample.
-    difference : ndarray, shape (n+1,)
-        Survival of the first result minus that of the second.
-    standard_error : ndarray, shape (n+1,)
-        Of the difference, if both results had the same distribution; 0 where neither is a sample.
-    z : ndarray, shape (n+1,)
-        The difference in standard errors; nan where neither is a sample.
+        Estimated error of survival of a density; nan for a sample.
+    difference, standard_error, z : ndarray, shape (n+1,)
+        Survival of the first result minus that of the second; its standard error if both had the same distribution, 0
+        where neither is a sample; and the one over the other, nan where neither is a sample.
     leakage : ndarray, shape (n, 2, 2)
         Probability of overturning during the cycle, indexed [cycle, result, side], sides (left, right).
     joint_cycles : ndarray, shape (m,)
-        At which the joint densities are compared.
+        Cycles at which the joint densities are compared.
     l1, l1_floor, hellinger, hellinger_floor : ndarray, shape (m,)
         Distances of the binned joint densities; a floor is that by sampling noise alone.
     outside : ndarray, shape (m, 2)
@@ -68,7 +63,7 @@ class Comparison(Result):
         Standard deviation σ_M of the process, and the margin √(D_m² + σ_M²) - M, positive where the criterion is met
         (paper eq. 14).
     phase_flux : ndarray, shape (2,)
-        Φ, see `fpk_rocking.melnikov.phase_flux`.
+        Phase flux Φ, see `fpk_rocking.melnikov.phase_flux`.
 
     Examples
     --------

@@ -19,18 +19,15 @@ class PlaneFunction:
     coefficients: np.ndarray
 
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
-        """Evaluate the function at points.
+        """Evaluate the function at points: 0 outside the mesh, nan where angle or velocity is nan.
+
+        On a mesh line, as at angle 0 where a density jumps, it is the value on the upper side. Where the function is
+        steep it may be slightly below 0 or, a probability, above 1.
 
         Parameters
         ----------
         angle, velocity : array_like
             Broadcast against each other; nondimensional.
-
-        Returns
-        -------
-        ndarray
-            0 outside the mesh, nan where angle or velocity is nan. On a mesh line, as at angle 0 where a density jumps,
-            the value on the upper side. Where it is steep it may be slightly below 0 or, a probability, above 1.
         """
         unknown = np.isnan(angle) | np.isnan(velocity)
         return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
@@ -46,9 +43,7 @@ class PlaneFunction:
         return self.space.degree
 
     def cell_values(self, points: int) -> Array:
-        """Values on a lattice in every cell, shape (angle cells, velocity cells, points, points).
-
-        On an edge of a cell they are the limits from inside.
+        """Values on a lattice in every cell, shape (angle cells, velocity cells, points, points); on edges from inside.
 
         Parameters
         ----------
@@ -75,7 +70,6 @@ class Density(PlaneFunction):
     space : Space
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
-        Coefficients of the polynomials.
 
     Examples
     --------
@@ -154,11 +148,10 @@ class Density(PlaneFunction):
         Parameters
         ----------
         function : callable
-            Takes arrays of angles and velocities and returns an array of their shape. A function that jumps within a
-            cell needs a higher `order`.
+            Takes arrays of angles and velocities and returns an array of their shape.
         order : int, optional
-            Polynomial degree up to which the product of function and density is integrated exactly; by default twice
-            the degree of the density, plus 2.
+            Polynomial degree up to which the product is integrated exactly; by default twice the degree of the density,
+            plus 2. A function that jumps within a cell needs more.
         """
         from skfem import Functional
 
@@ -201,7 +194,6 @@ class PlaneMap(PlaneFunction):
     space : Space
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
-        Coefficients of the polynomials.
     phase : float
         Forcing phase Ψ at the start, radians.
     error_estimate : float

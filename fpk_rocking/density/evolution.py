@@ -35,12 +35,10 @@ class Evolution(SurvivalResult):
         D of the white noise that was solved for, or that has the Melnikov variance of the filtered noise.
     noise_replacement : str
         Which noise replaced the band noise, as a sentence; empty where none was replaced.
-    tol : float
-        Wanted error of survival.
-    times : ndarray, shape (cycles + 1,)
-        Times τ from 0 on.
-    survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned.
+    tol, wall_s : float
+        Wanted error of survival, and seconds of the call.
+    times, survival : ndarray, shape (cycles + 1,)
+        Times from 0 on, and probability of not having overturned.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned to the left and to the right.
     truncated : ndarray, shape (cycles + 1,)
@@ -48,23 +46,20 @@ class Evolution(SurvivalResult):
         velocity, or in cells that it does not follow. `error_estimate` is no less.
     at_rest : ndarray, shape (cycles + 1,)
         Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
-        the density does not contain them. Under white noise they rattle: it is then the density's part within
-        |x| < .005 and |v| < .1, a region that the mesh resolves as a whole, and `bins_error_estimate` as one bin.
+        the density does not contain them. Under white noise they rattle, and this is the density's part within
+        |x| < .005 and |v| < .1. The mesh resolves that region as a whole; `bins_error_estimate` counts it as one bin.
     error_estimate : float
         Estimate of the largest error of survival and of `overturned`, from three solutions of the scene.
     bins_error_estimate : float
-        The same of the binned density, L1 over bins a twentieth of the range of motion, without the rows of
+        That of the binned density, L1 over bins a twentieth of the range of motion, without the rows of
         ``settings["unresolved"]`` (`unjudged`); 0 where these are all.
     rest_error_estimate : float
-        The same of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md); 0 under white noise.
+        That of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md); 0 under white noise.
     mass_defect : float
         Largest |survival + overturned + truncated - 1|: 0 but for rounding.
-    negative_mass : float
-        Largest integral of max(-p, 0) of the density p after 1 cycle or more.
-    moving_negative_mass : float
-        The same without |x| < .005 and |v| < .1. The solver refuses a scene by it, and the verdict is on it.
-    wall_s : float
-        Seconds that the call took.
+    negative_mass, moving_negative_mass : float
+        Largest integral of max(-p, 0) of the density p after 1 cycle or more, on the plane and without the region of
+        rest (`at_rest`). Solver and verdict judge by the second.
     settings : dict
         Mesh, polynomial degree, quadrature and time steps.
     coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)

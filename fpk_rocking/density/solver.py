@@ -64,10 +64,9 @@ def solve_fpk(
     scene : Scene
         With white, filtered or band noise. Filtered noise needs a scene that repeats (`Scene.repeats`).
     cycles : int, optional
-        Number of forcing cycles. Required where the forcing repeats, refused where it does not.
+        Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        For a pulse or a record: ascending, nondimensional. By default 21 over its duration, and 10 units of time after
-        its end.
+        For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
     tol : float, optional
         Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat.
     bins_tol : float, optional
@@ -75,8 +74,8 @@ def solve_fpk(
         With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the
         verdict only.
     noise_replacement : {"white", "filtered"}
-        What replaces band noise: white noise of equal Melnikov variance, or low-pass noise of equal variance and
-        Melnikov variance. Blocks come to rest under low-pass noise, and never do under white noise.
+        What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
+        low-pass noise of equal variance and Melnikov variance, under which blocks do.
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows with every refinement.
 

@@ -48,10 +48,8 @@ class CycleOperator(Result, LinearOperator):
     ----------
     scene, tol, diffusion, noise_replacement
         As in `Evolution`.
-    escape_rate : float
-        Long-run rate of overturning per cycle, -ln of the leading eigenvalue.
-    escape_error : float
-        Estimated relative error of `escape_rate`, from three meshes.
+    escape_rate, escape_error : float
+        Long-run rate of overturning per cycle, -ln of the leading eigenvalue, and its estimated relative error.
     refinement : list of (int, float)
         Number of unknowns and escape rate on every mesh, from coarse to fine.
     leakage : ndarray, shape (2,)
@@ -61,7 +59,7 @@ class CycleOperator(Result, LinearOperator):
     eigenvalues : ndarray of complex
         Leading eigenvalues, descending in modulus.
     residuals : ndarray
-        Residuals (L2 norm) of the computed modes.
+        L2 norms of the residuals of the modes.
     negative_mass : float
         Integral of max(-p, 0) over the quasi-stationary density p.
     settings : dict
@@ -186,12 +184,12 @@ class CycleOperator(Result, LinearOperator):
         return self._fine.space
 
     def vector(self, coefficients: Array) -> Array:
-        """Return the vector (unknowns,) that stands for a function.
+        """Return the vector (unknowns,) of a function.
 
         Parameters
         ----------
         coefficients : ndarray, shape (angle cells, velocity cells, degree + 1, degree + 1)
-            Such as those of a `Density` on the same mesh.
+            As of a `Density` on the same mesh.
         """
         return self._fine.vector(coefficients)
 
@@ -283,14 +281,13 @@ class CycleOperator(Result, LinearOperator):
         )
 
     def first_passage_map(self, cycle: int, phase: float | None = None) -> PlaneMap:
-        """Probability of overturning in one particular cycle, as a function of the start: (angle, velocity).
+        """Probability of overturning in one cycle, numbered from 1, as a function of the start: (angle, velocity).
 
         Parameters
         ----------
         cycle : int
-            Number of the cycle, from 1.
         phase : float, optional
-            Forcing phase Ψ at the start, radians; by default the scene's.
+            As of `survival_map`.
         """
         cycle = checks.count("cycle", cycle)
 
@@ -307,7 +304,7 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         phase : float, optional
-            Forcing phase Ψ at the start, radians; by default the scene's.
+            As of `survival_map`.
         """
         return self._map(MeshOperator.mean_time, phase)
 

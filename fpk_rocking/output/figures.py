@@ -154,9 +154,9 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
     path : path
         The suffix chooses the format.
     results : sequence of SurvivalResult
-        Drawn from top to bottom; their scenes differ in the noise alone.
+        From top to bottom; their scenes differ in the noise alone.
     cycles : sequence of int
-        Drawn from left to right, three in a row; four in two rows.
+        From left to right, three in a row; four in two rows.
     title : str
 
     Examples
@@ -282,10 +282,8 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
 
     Parameters
     ----------
-    path, results, title
-        As of `surface_figure`.
-    cycles : sequence of int
-        Each at least 1, drawn from left to right.
+    path, results, cycles, title
+        As of `surface_figure`; cycles at least 1.
 
     Examples
     --------

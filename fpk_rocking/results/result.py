@@ -91,17 +91,12 @@ class Result:
                 getattr(self, name).flags.writeable = False
 
     def save(self, path: File) -> None:
-        """Save the result to a file; an interruption leaves no partial file.
+        """Save the result to a file; TypeError where the class has no files or an attribute is not JSON.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            By custom with the suffix .npz; a missing folder is created.
-
-        Raises
-        ------
-        TypeError
-            An attribute is not JSON, or the class has no files.
+            By custom with the suffix .npz; a missing folder is created. An interruption leaves no partial file.
         """
         storage.save(self, path)
 
@@ -112,7 +107,6 @@ class Result:
         Parameters
         ----------
         path : str or pathlib.Path
-            A file that `save` wrote.
 
         Raises
         ------
@@ -259,9 +253,7 @@ class Result:
         return columns
 
     def to_csv(self, path: File) -> None:
-        """Write the `table` as a CSV file: survival and the like, not a density or states of paths.
-
-        Arrays with dimensions besides those of the rows are in the files of `save` and in `to_xarray`.
+        """Write the `table` as a CSV file; arrays of more dimensions are in the files of `save` and in `to_xarray`.
 
         Parameters
         ----------

@@ -52,12 +52,11 @@ class RowResult(Result):
         return np.asarray(self.times) if self.time_s is None else self.time_s
 
     def when(self, row: int) -> str:
-        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5".
+        """Return the time of a row, from 0 on, as a text: "after 3 cycles", "after 2.5 s" or "τ = 2.5".
 
         Parameters
         ----------
         row : int
-            From 0 on.
         """
         if self.cycles is not None:
             return f"after {row} cycle{'s' * (row != 1)}"
@@ -74,10 +73,8 @@ class SurvivalResult(RowResult):
     Attributes
     ----------
     scene : Scene
-    times : ndarray, shape (cycles + 1,)
-        Nondimensional, from 0 on.
-    survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned.
+    times, survival : ndarray, shape (cycles + 1,)
+        Nondimensional times from 0 on, and probability of not having overturned.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned to the left and to the right.
     wall_s : float
@@ -89,7 +86,7 @@ class SurvivalResult(RowResult):
     deterministic : bool
         Whether nothing is random: one path decides, without intervals.
     noise_replacement : str
-        Which noise replaced that of the scene, as a sentence; empty where none did.
+        Which noise replaced that of the scene, as a sentence, or empty.
     shown_bins : int
         Least number of bins along an axis in pictures; 0 where only some bins are known.
 

@@ -67,10 +67,8 @@ class Probability(RowResult):
         Of the survival, of `left` and of `right`: half of the 95 % interval of a sample, with the measured error of its
         time steps; of a density the estimated error.
     method : {"one path", "paths", "density", "splitting"}
-    engine : str
-        The Monte Carlo method, as in "exact"; empty for a density.
-    reason : str
-        Why this method was taken, as a sentence.
+    engine, reason : str
+        The Monte Carlo method, empty for a density; and why `method` was taken, as a sentence.
     tol, rtol : float
         Wanted error of the last probability, absolute and in parts of it; 0 where none was given.
     returns : ndarray of int, shape (2,)
@@ -79,7 +77,7 @@ class Probability(RowResult):
         Number of paths, or of walkers in all repeats of splitting; 0 for a density.
     seed : int
     interrupted : bool
-        Whether the call was interrupted; the result is that of the paths until then.
+        Whether the result is that of the paths until an interruption.
     seconds : float
         Of the call, with compilation.
 
@@ -242,14 +240,12 @@ def probability(
     ----------
     scene : Scene
     cycles : int, optional
-        Number of forcing cycles. Required where the forcing repeats, refused where it does not.
+        Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        For a pulse or a record: ascending, nondimensional. By default 21 over its duration, and 10 units of time after
-        its end.
-    tol : float, optional
-        Wanted error (95 %) of the last probability, above 0. By default .005, unless `rtol` is given.
-    rtol : float, optional
-        Wanted error in parts of the probability, above 0. With both, the larger error is enough.
+        For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
+    tol, rtol : float, optional
+        Wanted error (95 %) of the last probability, absolute and in parts of it, above 0; the larger is enough. By
+        default `tol` is .005, unless `rtol` is given.
     limit_s : float
         Seconds that the call may take. ValueError within a tenth of it, or 2 s, where more are predicted.
     seed : int

@@ -132,15 +132,14 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
 
 
 def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
-    """Return a scene with the acceleration of the base multiplied by a factor.
+    """Return a scene with the acceleration of the base multiplied by a factor above 0.
 
     Parameters
     ----------
     scene : Scene
     factor : float
-        Above 0.
     noise : bool
-        Whether the noise is multiplied too: its variance, or diffusion, by the square of the factor.
+        Whether the noise is multiplied too: its variance, or diffusion, by the square.
 
     Examples
     --------

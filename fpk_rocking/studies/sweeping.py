@@ -213,8 +213,8 @@ def sweep(
     scenes : sequence of Scene, or Grid
     task : str or callable
         "mc" for `montecarlo.simulate`; "fpk" for `fpk_rocking.solve_fpk`; or a function that worker processes can
-        import, called as ``task(scene, seed=seed, **options)``. It returns a dict of numbers, texts and lists, of which
-        rows are sent over the network and stored.
+        import, called as ``task(scene, seed=seed, **options)``. It returns a dict of numbers, texts and lists; return
+        only what you need, as rows are sent over the network and stored.
     workers : int or concurrent.futures.Executor
         1 runs one scene after the other, each on all processors. A larger number starts as many processes, each on one
         processor. An executor, such as that of a Dask cluster (``client.get_executor()``), runs one scene on each of
