@@ -35,7 +35,7 @@ from fpk_rocking.results import storage
 from fpk_rocking.results.remarks import remarks
 from montecarlo import simulate
 from montecarlo.engines import engine_of
-from montecarlo.engines.batches import task_of
+from montecarlo.engines.batches import compilation_of
 
 CYCLES = (0, 2, 4, 10, 20, 40)
 MOST_SURFACES = 4
@@ -64,7 +64,7 @@ def run(out, cycles=CYCLES, realizations=100_000, tol=1e-3, seed=1) -> dict:
     """
     scene, last = load_scene("main"), max(cycles)
     for noisy, method in ((scene, "rk4"), (scene.white_equivalent(), "white")):
-        queue_for_helpers(task_of(engine_of(noisy, method), noisy))
+        queue_for_helpers(compilation_of(engine_of(noisy, method), noisy))
 
     with reporting("density") as progress:
         density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)

@@ -229,7 +229,7 @@ def _risk(options):
     intensities = None if options.intensities is None else numbers("--intensities", options.intensities)
     records = options.records or ()
     if options.synthetic:
-        from fpk_rocking.risk.drawing import synthetic_records
+        from fpk_rocking.risk.inputs import synthetic_records
 
         if records:
             raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
@@ -256,33 +256,33 @@ def _risk(options):
 
 
 def _warmup(_):
-    compile_ahead(warmup_tasks())
+    compile_ahead(warmup_compilations())
 
 
-def compile_ahead(tasks):
-    """Run tasks that compile kernels, and say how long that took; OSError where some failed."""
+def compile_ahead(compilations):
+    """Run compilations, and say how long that took; OSError where some failed."""
     from fpk_rocking.base.precompilation import compile_all
 
     begin = time.monotonic()
     sys.stderr.write("compiling machine code for this machine: about 80 s\n")
-    failed = compile_all(tasks, lambda text: sys.stderr.write(f"fpk-rocking warmup: {text}\n"))
+    failed = compile_all(compilations, lambda text: sys.stderr.write(f"fpk-rocking warmup: {text}\n"))
     if failed:
-        raise OSError(f"{failed} of {len(tasks)} parts were not compiled; they will be when they are first used")
+        raise OSError(f"{failed} of {len(compilations)} parts were not compiled; they will be when they are first used")
     sys.stdout.write(f"Compiled in {time.monotonic() - begin:.0f} s.\n")
 
 
-def warmup_tasks():
-    """Tasks that compile all kernels, but for blocks of unequal sides: the first call compiles these."""
+def warmup_compilations():
+    """Compilations of all kernels, but for blocks of unequal sides: the first call compiles these."""
     from fpk_rocking.density.filtered import REST
     from fpk_rocking.density.solver import DENSITY, FREE_FLIGHT
     from fpk_rocking.horizon.operator import OPERATOR
     from fpk_rocking.scene.least import least_scenes
     from montecarlo.engines import ENGINES
-    from montecarlo.engines.batches import task_of
+    from montecarlo.engines.batches import compilation_of
 
     kinds = "slender", "exact"
     scenes = [scene for kind in kinds for scene in least_scenes(kind).values()]
-    paths = {task_of(engine, scene) for engine in ENGINES for scene in scenes if engine.takes(scene)}
+    paths = {compilation_of(engine, scene) for engine in ENGINES for scene in scenes if engine.takes(scene)}
     return [FREE_FLIGHT, *(table[kind] for table in (DENSITY, REST) for kind in kinds), *sorted(paths), OPERATOR]
 
 

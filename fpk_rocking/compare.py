@@ -30,56 +30,40 @@ _DEVIATIONS, _DISTANCES = 4.0, ("l1", "l1_floor", "hellinger", "hellinger_floor"
 class Comparison(Result):
     """Two results side by side: survival, leakage and joint densities, with their errors.
 
-    The axis of length 2 that an array has for the results is (first, second). Figures of the Melnikov process are None
-    where the forcing does not repeat.
+    An array's axis of length 2 for the results is (first, second). Figures of the Melnikov process are None where the
+    forcing does not repeat.
 
     Attributes
     ----------
     results : tuple of SurvivalResult
-    cycles : ndarray, shape (n+1,)
-        0 to the last cycle that both results have; numbers of the `times` where the forcing does not repeat.
-    times : ndarray, shape (n+1,)
-        Nondimensional times.
+    cycles, times : ndarray, shape (n+1,)
+        Numbers of the rows, from 0 to the last that both results have, and their nondimensional times.
     periodic : bool
-        Whether the forcing repeats, so that a row is a cycle.
+        Whether the forcing repeats.
     survival : ndarray, shape (n+1, 2)
         Probability of not having overturned.
     interval : ndarray, shape (n+1, 2, 2)
-        Lower and upper 95 % confidence limits, indexed [cycle, result, limit]; nan for what is no sample.
+        95 % confidence limits, indexed [cycle, result, limit]; nan for what is no sample.
     error_estimate : ndarray, shape (2,)
         Estimated error of survival of a density; nan for a sample.
-    difference : ndarray, shape (n+1,)
-        Survival of the first result minus that of the second.
-    standard_error : ndarray, shape (n+1,)
-        Standard error of the difference if both results had the same distribution; 0 where neither is a sample.
-    z : ndarray, shape (n+1,)
-        The difference in standard errors; nan where neither is a sample.
+    difference, standard_error, z : ndarray, shape (n+1,)
+        Survival of the first result minus that of the second; its standard error if both had the same distribution, 0
+        where neither is a sample; and the one over the other, nan where neither is a sample.
     leakage : ndarray, shape (n, 2, 2)
         Probability of overturning during the cycle, indexed [cycle, result, side], sides (left, right).
     joint_cycles : ndarray, shape (m,)
         Cycles at which the joint densities are compared.
     l1, l1_floor, hellinger, hellinger_floor : ndarray, shape (m,)
-        Distances of the binned joint densities. A floor is the distance that sampling noise alone would give.
+        Distances of the binned joint densities; a floor is that by sampling noise alone.
     outside : ndarray, shape (m, 2)
         Probability of standing outside all bins.
     melnikov_amplitude, melnikov_loss : float or None
         Amplitude D_m of the periodic part of the Melnikov process, and the loss M that it has to exceed without noise.
     melnikov_deviation, melnikov_margin : ndarray, shape (2,)
-        Standard deviation σ_M of the process under the noise of each scene, and the margin √(D_m² + σ_M²) - M, positive
-        where the paper's criterion (eq. 14) is met.
+        Standard deviation σ_M of the process, and the margin √(D_m² + σ_M²) - M, positive where the criterion is met
+        (paper eq. 14).
     phase_flux : ndarray, shape (2,)
-        Phase flux Φ of each scene (see `fpk_rocking.melnikov.phase_flux`).
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.compare import compare
-    >>> from montecarlo import simulate
-    >>> scene = load_scene("main")
-    >>> first, second = (simulate(scene, cycles=4, realizations=1000, seed=seed) for seed in (1, 2))
-    >>> both = compare(first, second)
-    >>> print(both.survival[4], both.z[3:].round(1), both.l1.round(2), both.l1_floor.round(2))
-    [0.862 0.873] [-0.6 -0.7] [0.18 0.29 0.36] [0.18 0.3  0.35]
+        Phase flux Φ, see `fpk_rocking.melnikov.phase_flux`.
     """
 
     results: tuple[SurvivalResult, SurvivalResult]
@@ -114,7 +98,7 @@ class Comparison(Result):
 
     @property
     def realizations(self) -> tuple[int | None, ...]:
-        """Numbers of realizations, (first, second); None for a density and for the path of a deterministic scene."""
+        """Numbers of realizations, (first, second); None for a density and for one path."""
         return tuple(map(_sample_size, self.results))
 
     @property
@@ -226,9 +210,9 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     Parameters
     ----------
     first, second : SurvivalResult
-        Their scenes may differ in the noise alone; the remarks then say so. Cycles that both results have are compared.
+        Their scenes may differ in the noise alone. Cycles that both have are compared.
     joint_cycles : sequence of int, optional
-        Cycles at which the joint densities are compared; by default 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last.
+        For the joint densities; by default those of `shown_cycles`: 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last.
 
     Raises
     ------

@@ -164,7 +164,7 @@ def _filtered_noise(scene, seed, count, steps_per_cycle, times):
 
 @kernel
 def _write_filtered_noise(keys, parameters, places, values):
-    """Write the noise at `places`, in units of intervals, to `values` (count, n), where it has parts by these."""
+    """Write the noise at `places`, in intervals since τ = 0, to `values` (count, n): by its parts where it has some."""
     noise, tables = workspace_of(parameters).noise, parameters.noise
     for realization in range(values.shape[0]):
         stream, drawn = open_stream(keys, realization), -1

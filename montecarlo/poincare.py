@@ -1,4 +1,4 @@
-"""The mean Poincaré map (paper 21) in both its readings, and the correlation dimension of its points.
+"""The mean Poincaré map (paper eq. 21) in both its readings, and the correlation dimension of its points.
 
 *Ensemble*: the mean of realizations that run on freely. *Restart*: the mean of the images after one cycle, from which
 all realizations start afresh. Where the map is not linear the two differ.

@@ -1,8 +1,9 @@
-"""Machine code made ahead of its use, by processes of their own: numba compiles one kernel at a time in a process.
+"""Kernels compiled ahead of their use, in other processes, as numba compiles one at a time in a process.
 
-A task calls kernels on as little as there is. Helpers run tasks beside the work that needs the same kernels a little
-later: who comes second waits for the lock of a kernel and loads what the first has made (`base.jit`). Helpers say
-nothing, and end with the process that started them.
+A `Compilation` names a function that calls kernels on as little data as there is. Each solver and engine has its own
+beside its kernels; ``fpk-rocking warmup``, the solvers and the workers of a sweep run them here. Helpers are processes
+that run compilations while the caller works. Who needs a kernel second waits for its lock and loads it from the cache
+(`base.jit`). Helpers print nothing, and end with the process that started them.
 """
 
 import contextlib
@@ -16,10 +17,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 
-class Task(NamedTuple):
-    """A function that calls kernels: its name, "module:function" or "module:function:argument:argument" of texts.
+class Compilation(NamedTuple):
+    """A function that has kernels compiled by calling them.
 
-    `seconds`: what a first run that needs them takes longer, about; on two cores of 2024.
+    `name`: "module:function", or "module:function:argument:argument" with arguments that are texts. `seconds`: about
+    how much longer a first run takes that needs the kernels, on two cores of 2024.
     """
 
     name: str
@@ -32,21 +34,21 @@ signal.signal(signal.SIGINT, signal.SIG_DFL)
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()
 sys.path[:] = {path!r}
 from fpk_rocking.base import precompilation
-for task in {tasks!r}:
-    precompilation.run_task(precompilation.Task(*task))
+for compilation in {compilations!r}:
+    precompilation.run_compilation(precompilation.Compilation(*compilation))
 os._exit(0)
 """
 
 _helpers: list[subprocess.Popen | None] = []
-_queued: list[Task] = []
+_queued: list[Compilation] = []
 
 
-def run_task(task: Task) -> None:
-    """Run a task in this process, and mark it on the disk as compiled."""
-    module, function, *arguments = task.name.split(":")
+def run_compilation(compilation: Compilation) -> None:
+    """Run a compilation in this process, and mark it on the disk as done."""
+    module, function, *arguments = compilation.name.split(":")
     start_no_helpers()
     getattr(importlib.import_module(module), function)(*arguments)
-    _mark_compiled(task)
+    _mark_compiled(compilation)
 
 
 def start_no_helpers() -> None:
@@ -54,57 +56,57 @@ def start_no_helpers() -> None:
     _helpers.append(None)
 
 
-def queue_for_helpers(task: Task) -> None:
-    """Have the helpers of the next `start_helpers` run a task after their own."""
-    _queued.append(task)
+def queue_for_helpers(compilation: Compilation) -> None:
+    """Have the next `start_helpers` run a compilation after those that it is given."""
+    _queued.append(compilation)
 
 
-def start_helpers(task: Task, *helping: Task) -> None:
-    """Start helper processes for a call that is about to need a task's kernels, and report it on standard error.
+def start_helpers(compilation: Compilation, *helping: Compilation) -> None:
+    """Start helpers for a caller that is about to compile the kernels of `compilation`, and say so on standard error.
 
-    Only the first time in a process, and on a machine the first time that a process got here. With more than one
-    processor, helpers run the tasks `helping` meanwhile; first those that are needed first.
+    This happens once in a process, and only where the kernels have not been compiled on this machine. With more than
+    one processor the helpers run the compilations `helping` meanwhile, in this order.
     """
-    if _helpers or multiprocessing.parent_process() is not None or _is_compiled(task):
+    if _helpers or multiprocessing.parent_process() is not None or _is_compiled(compilation):
         return
-    sys.stderr.write(f"compiling machine code for this machine, once: about {task.seconds} s\n")
+    sys.stderr.write(f"compiling machine code for this machine, once: about {compilation.seconds} s\n")
     left = [other for other in (*helping, *_queued) if not _is_compiled(other)]
     _helpers.extend([start_process(*share) for share in shares(left, processors() - 1)] or [None])
-    _mark_compiled(task)
+    _mark_compiled(compilation)
 
 
-def shares(tasks: Sequence[Task], processes: int) -> list[Sequence[Task]]:
-    """Deal tasks to at most so many processes, in turn; none is without a task."""
-    count = min(len(tasks), processes)
-    return [tasks[k::count] for k in range(count)]
+def shares(compilations: Sequence[Compilation], processes: int) -> list[Sequence[Compilation]]:
+    """Deal compilations in turn to as many processes, or to fewer so that each has one."""
+    count = min(len(compilations), processes)
+    return [compilations[k::count] for k in range(count)]
 
 
-def ensure_compiled(task: Task) -> None:
-    """Run a task in this process unless its code is on the disk: before workers start that need it."""
-    if not _is_compiled(task):
-        start_helpers(task)
-        run_task(task)
+def ensure_compiled(compilation: Compilation) -> None:
+    """Run a compilation in this process unless it was done on this machine: before workers start that need it."""
+    if not _is_compiled(compilation):
+        start_helpers(compilation)
+        run_compilation(compilation)
 
 
-def start_process(*tasks: Task) -> subprocess.Popen:
-    """Start a process that runs tasks one after the other, and ends when its standard input is closed."""
-    code = _RUN.format(path=sys.path, tasks=[tuple(task) for task in tasks])
+def start_process(*compilations: Compilation) -> subprocess.Popen:
+    """Start a process that runs compilations one after the other, and ends when its standard input is closed."""
+    code = _RUN.format(path=sys.path, compilations=[tuple(compilation) for compilation in compilations])
     silent = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     return subprocess.Popen([sys.executable, "-c", code], **silent)  # noqa: S603  (this interpreter, our own text)
 
 
-def compile_all(tasks: Iterable[Task], report: Callable[[str], None]) -> int:
-    """Run tasks in processes of their own, as many at once as there are processors; return how many failed.
+def compile_all(compilations: Iterable[Compilation], report: Callable[[str], None]) -> int:
+    """Run compilations in other processes, as many at once as there are processors; return how many failed.
 
-    `report` is called with a line of text for each of these.
+    `report` is called with a line of text for each that failed.
     """
-    todo, running, failed = list(tasks), {}, 0
+    todo, running, failed = list(compilations), {}, 0
     try:
         while todo or running:
             while todo and len(running) < processors():
-                task = todo.pop(0)
-                running[task] = start_process(task)
-            ended = next((task for task, process in running.items() if process.poll() is not None), None)
+                compilation = todo.pop(0)
+                running[compilation] = start_process(compilation)
+            ended = next((compilation for compilation, process in running.items() if process.poll() is not None), None)
             if ended is None:
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     next(iter(running.values())).wait(0.1)
@@ -123,28 +125,28 @@ def processors() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _mark_file(task):
-    """Return the path of the file whose presence marks a task as compiled, for this source, numba and processor."""
+def _mark_file(compilation):
+    """Return the path of the file that marks a compilation as done, for this source, numba and processor."""
     import numba
     from llvmlite import binding
 
     from fpk_rocking.base import jit
 
-    module, *names = task.name.split(":")
+    module, *names = compilation.name.split(":")
     root = pathlib.Path(__file__).parents[2]
     folder = jit.cache_folder(root.joinpath(*module.split(".")).with_suffix(".py"))
     return folder / f"{'-'.join(names)}-{numba.__version__}-{binding.get_host_cpu_name()}.done"
 
 
-def _is_compiled(task):
+def _is_compiled(compilation):
     try:
-        return _mark_file(task).exists()
+        return _mark_file(compilation).exists()
     except OSError:
         return False
 
 
-def _mark_compiled(task):
+def _mark_compiled(compilation):
     with contextlib.suppress(OSError):
-        place = _mark_file(task)
+        place = _mark_file(compilation)
         place.parent.mkdir(parents=True, exist_ok=True)
         place.touch()

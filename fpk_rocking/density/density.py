@@ -19,19 +19,15 @@ class PlaneFunction:
     coefficients: np.ndarray
 
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
-        """Evaluate the function at points.
+        """Evaluate the function at points: 0 outside the mesh, nan where angle or velocity is nan.
+
+        On a mesh line, as at angle 0 where a density jumps, it is the value on the upper side. Where the function is
+        steep it may be slightly below 0 or, a probability, above 1.
 
         Parameters
         ----------
         angle, velocity : array_like
-            Points, broadcast against each other; nondimensional.
-
-        Returns
-        -------
-        ndarray
-            Of the broadcast shape; 0 outside the mesh, nan where angle or velocity is nan. On a mesh line, as at angle
-            0 where a density jumps, it is the value on the upper side. Where the function is steep it may be slightly
-            below 0 or, a probability, above 1.
+            Broadcast against each other; nondimensional.
         """
         unknown = np.isnan(angle) | np.isnan(velocity)
         return np.where(unknown, np.nan, self.space.evaluate(self.coefficients, angle, velocity))
@@ -43,21 +39,16 @@ class PlaneFunction:
 
     @property
     def degree(self) -> int:
-        """Polynomial degree in each direction, an int."""
+        """Polynomial degree in each direction."""
         return self.space.degree
 
     def cell_values(self, points: int) -> Array:
-        """Values on a lattice of points in every cell; on an edge of the cell, the limit from inside.
+        """Values on a lattice in every cell, shape (angle cells, velocity cells, points, points); on edges from inside.
 
         Parameters
         ----------
         points : int
             Number of equally spaced points along each axis, both edges included.
-
-        Returns
-        -------
-        ndarray, shape (angle cells, velocity cells, points, points)
-            The last two axes are angle and velocity within a cell.
         """
         lattice = np.linspace(0.0, 1.0, points)
         return self.space.cell_values(self.coefficients, lattice, lattice)
@@ -72,14 +63,13 @@ class PlaneFunction:
 class Density(PlaneFunction):
     """Joint density of angle and velocity of the blocks that stand; its integral is the survival probability.
 
-    It is a piecewise polynomial on a mesh of the phase plane. Calling it evaluates it: ``density(angle, velocity)``.
+    Calling it evaluates it: ``density(angle, velocity)``.
 
     Parameters
     ----------
     space : Space
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
-        Coefficients of the polynomials.
 
     Examples
     --------
@@ -96,48 +86,33 @@ class Density(PlaneFunction):
         return f"<Density: probability {mass:.4f} on {self._cells_text} of degree {self.degree}>"
 
     def bin_probabilities(self, angle_edges: ArrayLike, velocity_edges: ArrayLike) -> Array:
-        """Integrate the density exactly over each of some bins.
+        """Integrate the density exactly over each of some bins: probabilities, shape (angle bins, velocity bins).
 
         Parameters
         ----------
         angle_edges, velocity_edges : array_like
-            Ascending bin edges, nondimensional.
-
-        Returns
-        -------
-        ndarray, shape (angle bins, velocity bins)
-            Probabilities.
+            Ascending, nondimensional.
         """
         return self.space.bin_integrals(self.coefficients, angle_edges, velocity_edges)
 
     def marginal_angle(self, angle: ArrayLike) -> Array:
-        """Density of the angle alone: the integral over all velocities.
+        """Density of the angle alone, shape (n,): the integral over all velocities; 0 outside the mesh, nan at nan.
 
         Parameters
         ----------
         angle : array_like, shape (n,)
-            Points, nondimensional.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The density at the points; 0 outside the mesh, nan where the point is nan.
+            Nondimensional.
         """
         coefficients = np.einsum("xva,v->xa", self.coefficients[..., 0], np.diff(self.space.velocity_lines))
         return self._marginal(coefficients, 0, angle)
 
     def marginal_velocity(self, velocity: ArrayLike) -> Array:
-        """Density of the velocity alone: the integral over all angles.
+        """Density of the velocity alone, shape (n,): the integral over all angles; 0 outside the mesh, nan at nan.
 
         Parameters
         ----------
         velocity : array_like, shape (n,)
-            Points, nondimensional.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            The density at the points; 0 outside the mesh, nan where the point is nan.
+            Nondimensional.
         """
         coefficients = np.einsum("xvb,x->vb", self.coefficients[..., 0, :], np.diff(self.space.angle_lines))
         return self._marginal(coefficients, 1, velocity)
@@ -151,17 +126,12 @@ class Density(PlaneFunction):
         return np.where(np.isnan(points), np.nan, np.where((points >= lines[0]) & (points <= lines[-1]), values, 0.0))
 
     def basis(self, order: int | None = None) -> Any:
-        """Return the scikit-fem basis of the density, on which `vector` holds its unknowns.
+        """Return the `skfem.CellBasis` on which `vector` holds the unknowns: products of Legendre polynomials.
 
         Parameters
         ----------
         order : int, optional
             Polynomial degree that its quadrature integrates exactly; by default twice the degree of the density.
-
-        Returns
-        -------
-        skfem.CellBasis
-            Of quadrilaterals with products of Legendre polynomials.
         """
         return self.space.basis(order)
 
@@ -173,19 +143,15 @@ class Density(PlaneFunction):
     def integral(self, function: Callable[[Array, Array], Array], order: int | None = None) -> float:
         """Integral of a function of angle and velocity times the density.
 
+        Divided by the survival probability it is the mean of the function over the blocks that stand.
+
         Parameters
         ----------
         function : callable
-            Takes arrays of angles and velocities and returns an array of their shape. A function that jumps within a
-            cell needs a higher `order`.
+            Takes arrays of angles and velocities and returns an array of their shape.
         order : int, optional
-            Polynomial degree up to which the product of function and density is integrated exactly; by default twice
-            the degree of the density, plus 2.
-
-        Returns
-        -------
-        float
-            Divided by the survival probability it is the mean of the function over the blocks that stand.
+            Polynomial degree up to which the product is integrated exactly; by default twice the degree of the density,
+            plus 2. A function that jumps within a cell needs more.
         """
         from skfem import Functional
 
@@ -194,17 +160,12 @@ class Density(PlaneFunction):
         return float(form.assemble(basis, density=basis.interpolate(self.vector)))
 
     def moment(self, angle_power: int, velocity_power: int) -> float:
-        """Integral of x^m v^n times the density, exact.
+        """Integral of x^m v^n times the density, exact, nondimensional; not divided by the survival probability.
 
         Parameters
         ----------
         angle_power, velocity_power : int
-            m and n, at least 0. The moment for m = n = 0 is the survival probability.
-
-        Returns
-        -------
-        float
-            Nondimensional; not divided by the survival probability.
+            m and n, at least 0.
         """
         order = self.degree + max(angle_power, velocity_power)
         return self.integral(lambda x, v: x**angle_power * v**velocity_power, order)
@@ -233,14 +194,13 @@ class PlaneMap(PlaneFunction):
     space : Space
         Mesh and polynomial degree.
     coefficients : ndarray, shape ``space.shape``
-        Coefficients of the polynomials.
     phase : float
         Forcing phase Ψ at the start, radians.
     error_estimate : float
         Relative difference (L1) from the next coarser mesh.
     starts : tuple of (float, float, float)
-        Angle, velocity and value of single starts that were solved forward in time, such as rest. There they replace
-        the function on the mesh, which does not resolve how noise sets off a block at rest.
+        Angle, velocity and value of single starts that were solved forward in time, such as rest: the mesh does not
+        resolve how noise sets off a block at rest.
 
     Examples
     --------

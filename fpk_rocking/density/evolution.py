@@ -26,71 +26,50 @@ from fpk_rocking.scene.scene import Scene
 class Evolution(SurvivalResult):
     """The joint density of angle and velocity over time, the result of `solve_fpk`; all quantities are nondimensional.
 
-    Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
-    row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k.
+    Row k of an array is for ``times[k]``: k forcing cycles, if the forcing repeats. A parameter ``cycle`` is such a k.
 
     Attributes
     ----------
     scene : Scene
-        The scene that was given to `solve_fpk`.
     diffusion : float
         D of the white noise that was solved for, or that has the Melnikov variance of the filtered noise.
     noise_replacement : str
         Which noise replaced the band noise, as a sentence; empty where none was replaced.
-    tol : float
-        The tolerance that was asked for.
-    times : ndarray, shape (cycles + 1,)
-        Times τ from 0 on.
-    survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned.
+    tol, wall_s : float
+        Wanted error of survival, and seconds of the call.
+    times, survival : ndarray, shape (cycles + 1,)
+        Times from 0 on, and probability of not having overturned.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned to the left and to the right.
     truncated : ndarray, shape (cycles + 1,)
-        Probability truncated by the mesh: blocks faster than its largest velocity, or in cells that it does not follow.
-        It is the difference of ``1 - survival`` from the sum of `overturned`; `error_estimate` is no less.
+        Probability truncated by the mesh, ``1 - survival`` less the sum of `overturned`: blocks faster than its largest
+        velocity, or in cells that it does not follow. `error_estimate` is no less.
     at_rest : ndarray, shape (cycles + 1,)
         Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
-        this is their probability, which the density does not contain. Under white noise no block rests: this is the
-        part of the density within |x| < .005 and |v| < .1, where blocks rattle. The mesh resolves only the
-        probability of this region as a whole, and `bins_error_estimate` counts it as one bin.
+        the density does not contain them. Under white noise they rattle, and this is the density's part within
+        |x| < .005 and |v| < .1. The mesh resolves that region as a whole; `bins_error_estimate` counts it as one bin.
     error_estimate : float
         Estimate of the largest error of survival and of `overturned`, from three solutions of the scene.
     bins_error_estimate : float
-        Estimate of the largest error of the binned density, L1 over bins a twentieth of the range of motion, from the
-        last three solutions. It leaves out the rows of ``settings["unresolved"]``, see `unjudged`; 0 where these are
-        all.
+        That of the binned density, L1 over bins a twentieth of the range of motion, without the rows of
+        ``settings["unresolved"]`` (`unjudged`); 0 where these are all.
     rest_error_estimate : float
-        Estimate of the largest error of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md);
-        0 under white noise.
+        That of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md); 0 under white noise.
     mass_defect : float
         Largest |survival + overturned + truncated - 1|: 0 but for rounding.
-    negative_mass : float
-        Largest integral of max(-p, 0) after 1 cycle or more: how far the density p is below 0 in places.
-    moving_negative_mass : float
-        The same without the blocks at rest (|x| < .005 and |v| < .1), whose rattling the mesh does not resolve. The
-        solver refuses a scene by this figure, and the verdict is on it.
-    wall_s : float
-        Seconds that the call took.
+    negative_mass, moving_negative_mass : float
+        Largest integral of max(-p, 0) of the density p after 1 cycle or more, on the plane and without the region of
+        rest (`at_rest`). Solver and verdict judge by the second.
     settings : dict
         Mesh, polynomial degree, quadrature and time steps.
     coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
-        Coefficients of the densities that `at` returns; zero in row 0 where the start is a point.
+        Of the densities that `at` returns; zero in row 0 where the start is a point.
     angle_lines, velocity_lines : ndarray
-        Lines of the mesh that the coefficients belong to.
+        Lines of their mesh.
     rests_exactly : bool
-        Whether `at_rest` is a probability that the density does not contain, as under filtered noise.
+        Whether the density does not contain `at_rest`, as under filtered noise.
     replacement : Replacement, optional
-        What the replacement of the noise changes, as `checked` measured it; None where it did not.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene, solve_fpk
-    >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2)
-    >>> print(density.survival.round(2), density.overturned[4].round(2))
-    [1.   1.   1.   0.96 0.86] [0.02 0.12]
-    >>> print(density.bin_probabilities(4, [-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0]).round(2))
-    [[0.01 0.56]
-     [0.08 0.08]]
+        What the replacement of the noise changes, if `checked` measured it.
     """
 
     kind: ClassVar = "evolution"
@@ -127,7 +106,7 @@ class Evolution(SurvivalResult):
 
     @functools.cached_property
     def space(self) -> Space:
-        """Mesh and polynomial degree, a `Space`, that the coefficients belong to."""
+        """Mesh and polynomial degree of the coefficients."""
         return Space(self.angle_lines, self.velocity_lines, self.coefficients.shape[-1] - 1)
 
     @property
@@ -143,11 +122,6 @@ class Evolution(SurvivalResult):
         paths : Ensemble or Tally
             Of the scene as it is, at the times of this result or more; `fpk_rocking.studies.checked` samples them.
 
-        Returns
-        -------
-        Evolution
-            The same probabilities; `replacement`, `total_error` and the verdict tell what the paths say.
-
         Raises
         ------
         TypeError, ValueError
@@ -159,10 +133,9 @@ class Evolution(SurvivalResult):
 
     @property
     def total_error(self) -> Array | None:
-        """Total errors of survival, overturned left and overturned right, shape (cycles + 1, 3), or None.
+        """Total errors of survival, overturned left and right, shape (cycles + 1, 3).
 
-        The solver's estimate where the noise was solved as it is; `Replacement.total` where another noise replaced it
-        and that was checked; None where it was not checked.
+        The solver's estimate where the noise was solved as it is, else `Replacement.total`; None where not `checked`.
         """
         if self.replacement is not None:
             return self.replacement.total(self.error_estimate)
@@ -188,26 +161,26 @@ class Evolution(SurvivalResult):
         return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return a list of `Diagnostic`, beside those of errors: the model, unchecked noise, unresolved rest."""
+        """Return the diagnostics beside those of errors: of the model, unchecked noise, unresolved rest."""
         return scene_diagnostics(self.scene, "" if self.replacement else self.noise_replacement, self.unresolved)
 
     @property
     def error_figures(self) -> dict[str, Any]:
-        """Error figures, a dict of values by name; the total error where the replacement of the noise was checked."""
+        """Error figures by name, with the total error where the replacement of the noise was checked."""
         figures = super().error_figures
         return figures if self.replacement else {name: figures[name] for name in figures if name != "total_error"}
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences, a tuple of text, that a reader needs: scene, noise and its check, what is not to be trusted."""
+        """Sentences: about the scene, the noise and its check, and what is not to be trusted."""
         check = check_remarks(self) if self.replacement else ()
         return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, self.below_zero, *check))))
 
     @property
     def below_zero(self) -> str:
-        """By how much a probability of overturning is below 0, as a sentence; an empty text up to 1e-8.
+        """By how much a probability of overturning is below 0, as a sentence; empty up to 1e-8.
 
-        Where the density is not resolved it has small negative parts, and some of them overturn.
+        Where the mesh does not resolve the density, it has small negative parts, and some of them overturn.
         """
         below = -min(float((1.0 - self.survival).min()), float(self.overturned.min()))
         if below <= 1e-8:
@@ -217,7 +190,7 @@ class Evolution(SurvivalResult):
 
     @property
     def unresolved(self) -> str:
-        """What is not resolved, as a text of sentences: `at_rest` with an error above √tol / 3, or a density."""
+        """What is not resolved, as sentences: `at_rest` with an error above √tol / 3, or a density."""
         never = self.unjudged if len(self.settings.get("unresolved", ())) == len(self.times) - 1 else ""
         return " ".join(filter(None, [self.unresolved_beyond(bins_tolerance(self.tol)), never]))
 
@@ -228,11 +201,6 @@ class Evolution(SurvivalResult):
         ----------
         wanted : float
             Largest estimated error of `at_rest` that needs no warning.
-
-        Returns
-        -------
-        str
-            The sentence, or "".
         """
         if self.rest_error_estimate <= wanted:
             return ""
@@ -244,10 +212,9 @@ class Evolution(SurvivalResult):
 
     @property
     def unjudged(self) -> str:
-        """At how many times survival alone is judged, as a sentence; empty where at none, or where bins are not judged.
+        """At how many times survival alone is judged, as a sentence; empty where at none, or where no bins are judged.
 
-        The density is too narrow for the mesh while a start or a release is followed beside it, and once the noise has
-        faded; ``settings["unresolved"]`` has the rows.
+        The density is too narrow for the mesh after a start or a release, and once the noise has faded.
         """
         rows, count = len(self.settings.get("unresolved", ())), len(self.times) - 1
         if not rows or math.isinf(self.bins_tol):
@@ -259,7 +226,7 @@ class Evolution(SurvivalResult):
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """Settings and error figures, tolerances, and the measured replacement: a dict of plain values by name."""
+        """Settings, error figures, tolerances, and the measured replacement: plain values by name."""
         own = {} if math.isinf(self.bins_tol) else {"bins_tol": self.bins_tol}
         return super().metadata | own | ({"replacement": self.replacement.plain} if self.replacement else {})
 
@@ -272,19 +239,12 @@ class Evolution(SurvivalResult):
         return super().derived() | {name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)}
 
     def at(self, cycle: int) -> Density:
-        """Return the density after a number of cycles.
-
-        Under filtered noise it is the density of the blocks that move; `at_rest` has the others.
+        """Return the density after a number of cycles; under filtered noise, that of the blocks that move.
 
         Parameters
         ----------
         cycle : int
             From 0 to ``cycles``.
-
-        Returns
-        -------
-        Density
-            Called with angles and velocities, nondimensional, it gives the density there.
 
         Raises
         ------
@@ -307,7 +267,7 @@ class Evolution(SurvivalResult):
 
 
 def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
-    """Return the masses (cycles + 1,) of densities that count as being at rest; of a point `start` 0 or 1 at first."""
+    """Return the masses (cycles + 1,) of densities that count as at rest; in row 0 of a point `start` 0 or 1."""
     angle, velocity = TUNING.rest_angle, TUNING.rest_velocity
     masses = space.bin_integrals(coefficients, [-angle, angle], [-velocity, velocity])[:, 0, 0]
     if start.covariance is None:
@@ -316,7 +276,7 @@ def near_rest(space: Space, coefficients: Array, start: Start) -> Array:
 
 
 def refuse_broken(result: Evolution) -> None:
-    """Raise FloatingPointError where an `Evolution` has something that is not a finite number, else return None."""
+    """Raise FloatingPointError where an `Evolution` has a number that is not finite."""
     parts = (
         "survival",
         "overturned",

@@ -2,7 +2,8 @@
 
 In a step the noise is piecewise constant: at every node a density of angle and velocity moves under the forcing and a
 constant, by the paths of a block without other noise. Between steps the filter's transition matrix exchanges mass
-between the nodes, exactly. So the noise is constant over each step and has, from step to step, the law of the filter.
+between the nodes, exactly between Gauss-Hermite nodes and by cubic interpolation between equispaced ones
+(`filter_nodes`). So the noise is constant over each step and has, from step to step, the law of the filter.
 
 Blocks whose impacts accumulate while the force cannot lift them off come to rest at x = v = 0, a point mass of each
 node. It is re-injected, on the side of f, in the first step in which |f| passes the level of lift-off.
@@ -18,7 +19,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.base.jit import kernel
-from fpk_rocking.base.precompilation import Task
+from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.density.filter_nodes import (
     Nodes,
 )
@@ -116,7 +117,7 @@ class FilteredPropagator(CyclicPropagator):
         return solution
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
-        """Return the `PeriodicState` before which step the mesh takes the start over; at rest, that at the start."""
+        """Return the `PeriodicState` at the time when the mesh takes over from the start: τ = 0 for a start at rest."""
         begin = FilteredStart(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
         shape = self.nodes.weights.shape
         if begin.at_rest:
@@ -197,8 +198,8 @@ def advance_from_rest(segment, duration, block):
     return x, v, side
 
 
-REST = {kind: Task(f"{__name__}:compile_rest:{kind}", 3) for kind in KINDS}
-"""Tasks that compile what a density needs under filtered noise alone, by kind of block."""
+REST = {kind: Compilation(f"{__name__}:compile_rest:{kind}", 3) for kind in KINDS}
+"""Compilations of what a density needs under filtered noise alone, by kind of block."""
 
 
 def compile_rest(kind: str) -> None:

@@ -1,7 +1,7 @@
-"""Densities too narrow for the main mesh: a Gaussian in closed form, and moving patches.
+"""Densities too narrow for the main mesh: Gaussians carried through eventless flights, and moving patches.
 
-While nothing can happen to a block a Gaussian start stays one. Moving patches are small meshes that follow a narrow
-density and grow with it.
+A Gaussian is carried in closed form for a slender block, and by linearized moments for an exact one. Patches are small
+meshes that follow a narrow density and grow with it; this module makes them, `startup.StartUp` moves them.
 """
 
 import bisect
@@ -67,7 +67,7 @@ def resolution_of(mean, covariance, space):
 
 
 def exact_flight(gaussian: Gaussian, dynamics: Dynamics, side):
-    """Return a function of time: the `Gaussian` of an exact block in flight without events, linear about its mean."""
+    """Return a function of time: the `Gaussian` of an exact block in an eventless flight, linearized about its mean."""
     from scipy.integrate import DOP853  # takes longer to import than all else here
 
     block, envelope = dynamics.block, dynamics.envelope
@@ -114,7 +114,7 @@ def cell_size(lines, point):
 
 
 def patch_of(settings, mean, covariance, cutoff, box=None):
-    """Return a `Space` that resolves a density of mean (2,) and covariance (2, 2), `reach` deviations to all sides."""
+    """Return a `Space`, `settings.reach` standard deviations to all sides of the mean (2,), for a covariance (2, 2)."""
     # A thin oblique ellipse needs cells as small as its own width, not as its shadow on an axis.
     thin = math.sqrt(max(1.0 - covariance[0, 1] ** 2 / (covariance[0, 0] * covariance[1, 1]), 1e-2))
     count = math.ceil(settings.cells * max(1.0, 0.5 / thin))

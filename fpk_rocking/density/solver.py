@@ -9,9 +9,9 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress, not_none
-from fpk_rocking.base.precompilation import Task, start_helpers
+from fpk_rocking.base.precompilation import Compilation, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
-from fpk_rocking.density.filter_nodes import filtered_discretization, spread_left
+from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import REST, FilteredPropagator
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
@@ -26,6 +26,7 @@ from fpk_rocking.density.resolution import (
     resolutions_for,
 )
 from fpk_rocking.density.space import Space, graded_lines, velocity_bound
+from fpk_rocking.density.startup import spread_left
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.step import Characteristics
@@ -52,44 +53,37 @@ def solve_fpk(
 ) -> Evolution:
     """Solve the Fokker-Planck equation of a scene for the joint density of angle and velocity.
 
-    The solver takes white noise and filtered noise as they are. It replaces band noise, as `noise_replacement` says.
-    The mesh is refined until the estimated errors are within the tolerances, or until a finer one would take too much
-    memory.
+    White noise and filtered noise are solved as they are, band noise is replaced. The mesh is refined until the
+    estimated errors are within the tolerances, or until a finer one would take too much memory.
 
-    The solver pays off for errors below 1e-3, for joint densities and for small probabilities. Where a standard error
-    of 1e-3 in survival is enough, `montecarlo.simulate` is as fast or faster on most blocks of practical sizes.
+    The solver pays off for errors below 1e-3, for joint densities and for small probabilities; else
+    `montecarlo.simulate` is as fast or faster on most blocks of practical sizes.
 
     Parameters
     ----------
     scene : Scene
         With white, filtered or band noise. Filtered noise needs a scene that repeats (`Scene.repeats`).
     cycles : int, optional
-        Number of forcing cycles. Required where the forcing repeats, refused where it does not.
+        Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        For a pulse or a record: ascending nondimensional times at which results are wanted. By default 21 times over
-        its duration, and 10 units of time after its end.
+        For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
     tol : float, optional
         Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
-        With inf the binned density is not refined for. By default √tol / 3; where the forcing does not repeat,
-        the verdict is by that too, but refinement is for survival alone.
+        With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the
+        verdict only.
     noise_replacement : {"white", "filtered"}
-        What replaces band noise: white noise of equal Melnikov variance, or low-pass noise of equal variance and
-        Melnikov variance. Blocks come to rest under low-pass noise, and never do under white noise.
+        What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
+        low-pass noise of equal variance and Melnikov variance, under which blocks do.
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows with every refinement.
-
-    Returns
-    -------
-    Evolution
-        Survival, overturning to either side, densities and estimated errors at all times.
 
     Warns
     -----
     RuntimeWarning
-        The estimated error on the finest mesh is larger than `tol` or `bins_tol`; or, under filtered noise, that of the
-        probability of being at rest is larger than `bins_tol`.
+        The estimated error on the finest mesh is larger than `tol` or `bins_tol`; under filtered noise, also where that
+        of the probability of being at rest is larger than `bins_tol`.
 
     Raises
     ------
@@ -214,7 +208,7 @@ def _with_noise_replaced(scene, noise_replacement):
 
 
 def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagator | FilteredPropagator]:
-    """Return the class of propagator, a subclass of `Propagator`, for a scene whose noise is white or filtered."""
+    """Return the subclass of `Propagator` for a scene whose noise is white or filtered."""
     if scene.noise.kind == "filtered":
         return FilteredPropagator
     return PeriodicPropagator if scene.repeats else TransientPropagator
@@ -279,7 +273,7 @@ def _refuse_unresolved(result):
 
 
 def refuse_unsolvable(scene: Scene) -> None:
-    """Raise ValueError for a scene that the density solver cannot take, else return None."""
+    """Raise ValueError for a scene that the density solver cannot take."""
     ranges.check(scene)
     noise = scene.noise
     if noise.kind == "filtered":
@@ -304,7 +298,7 @@ def refuse_unsolvable(scene: Scene) -> None:
 
 
 def refuse_slow(scene: Scene) -> None:
-    """Raise ValueError for a scene with noise so slow that a start of small spread stays a curve; else return None."""
+    """Raise ValueError for a scene with noise so slow that a start of small spread stays a curve."""
     noise = scene.noise
     if noise.kind != "filtered":
         return
@@ -376,9 +370,9 @@ def announce_finer(scene: Scene, before: Discretization, finer: Discretization, 
         sys.stderr.write(f"density: the tolerance asks for a finer solution, about {float(f'{seconds:.1g}'):,.0f} s\n")
 
 
-FREE_FLIGHT = Task(f"{__name__}:compile_free_flight", 15)
-DENSITY = {kind: Task(f"{__name__}:compile_density:{kind}", 15 if kind == "slender" else 20) for kind in KINDS}
-"""Tasks that compile the kernels of a density, by kind of block."""
+FREE_FLIGHT = Compilation(f"{__name__}:compile_free_flight", 15)
+DENSITY = {kind: Compilation(f"{__name__}:compile_density:{kind}", 15 if kind == "slender" else 20) for kind in KINDS}
+"""Compilations of the kernels of a density, by kind of block."""
 
 
 def compile_density(kind: str) -> None:

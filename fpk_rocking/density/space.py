@@ -45,7 +45,7 @@ def patch_lines(low, high, cells):
 
 
 def exact_correction(scene):
-    """Return a bound, a float, of what the acceleration of a scene's block has beyond x - s m + f; 0 if slender."""
+    """Return a bound of how far a block's acceleration exceeds the slender block's, x - s m + f, nondimensional."""
     block = block_of_scene(scene)
     sides = zip(block.saddles, block.scales, strict=True)
     return max(largest_correction(scene.forcing.largest, block.critical_angle, *side) for side in sides)

@@ -9,7 +9,7 @@ elapsed.
 Under filtered noise (`FilteredStart`) the flight is linear until something happens to the block: angle, velocity and
 the states of the filter are Gaussian together, in closed form, and at each node of the filter's states so are angle and
 velocity. The mesh takes over when it resolves these, or else at the last step before anything can happen. So narrow a
-density of an exact block is taken as Gaussian too: see `filter_nodes.exact_moments`.
+density of an exact block is taken as Gaussian too: see `exact_moments`.
 """
 
 import math
@@ -20,13 +20,14 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.basis import legendre_basis
 from fpk_rocking.base.checks import Array
-from fpk_rocking.density.filter_nodes import exact_moments, joint_covariance
+from fpk_rocking.density.filter_nodes import whitened
 from fpk_rocking.density.patches import Gaussian, cell_size, exact_flight, next_patch, patch_of, resolution_of
 from fpk_rocking.density.resolution import PatchSettings
 from fpk_rocking.density.space import Space
 from fpk_rocking.density.step.dynamics import Dynamics, event_cells
 from fpk_rocking.density.step.step import Characteristics, Quadrature, Step
 from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.physics.noise.state_space import transition_and_factor
 
 
 class PatchDensity(NamedTuple):
@@ -328,6 +329,53 @@ class FilteredStart:
             states = points + mean + slope @ self.nodes.states[place][: slope.shape[1]]
             outflow += deposit_points(space, states, weight * weights, self.side, out[place])
         return out, outflow
+
+
+def joint_covariance(filter_states, covariance, time):
+    """Return the covariance (2 + n, 2 + n) of angle, velocity and n `filter_states` in a slender block's flight."""
+    count = len(filter_states.drift)
+    joint = np.zeros((2 + count, 2 + count))
+    joint[0, 1] = joint[1, 0] = 1.0
+    joint[1, 2] = filter_states.sigma
+    joint[2:, 2:] = filter_states.drift
+    phi, factor = transition_and_factor(joint, np.append([0.0, 0.0], filter_states.input), time)
+    begin = np.eye(2 + count)
+    begin[:2, :2] = covariance
+    return phi @ begin @ phi.T + factor @ factor.T
+
+
+def exact_moments(dynamics, filter_states, mean, covariance, end, side):
+    """Function of time: Gaussian of an eventless exact block and a filter, mean to 2nd order, covariance linearized."""
+    from scipy.integrate import solve_ivp  # takes longer to import than all else here
+
+    alpha, forcing, size = dynamics.block.critical_angle, dynamics.forcing, 2 + len(filter_states.drift)
+    rate, source = np.zeros((size, size)), np.zeros((size, size))
+    rate[0, 1], rate[2:, 2:], source[2:, 2:] = (
+        1.0,
+        filter_states.drift,
+        np.outer(filter_states.input, filter_states.input),
+    )
+
+    def rates(time, state):
+        x, v, joint = state[0], state[1], state[2:].reshape(size, size)
+        phi, force = alpha * (1.0 - side * x), forcing.value(time)
+        sine, cosine = side * alpha * math.sin(phi), math.cos(phi)
+        rate[1, 0], rate[1, 2] = cosine + force * sine, filter_states.sigma * cosine
+        bend = 0.5 * (sine - force * alpha**2 * cosine) * joint[0, 0] + filter_states.sigma * sine * joint[0, 2]
+        moved = rate @ joint
+        return np.concatenate([[v, force * cosine - sine / alpha**2 + bend], (moved + moved.T + source).ravel()])
+
+    begin = np.eye(size)
+    begin[:2, :2] = covariance
+    states = np.concatenate([mean, begin.ravel()])
+    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
+    return lambda time: (moments_at(time)[:2], moments_at(time)[2:].reshape(size, size))
+
+
+def spread_left(noise, covariance, time):
+    """Return the part, 0 to 1, of the angle's standard deviation that is left where the filter's states are known."""
+    joint = joint_covariance(whitened(noise), covariance or np.zeros((2, 2)), time)
+    return math.sqrt(max(1.0 - joint[0, 2:] @ joint[2:, 0] / joint[0, 0], 0.0))
 
 
 def _points(covariance):

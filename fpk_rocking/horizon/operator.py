@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.base.precompilation import Task
+from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.density.density import Density, PlaneMap
 from fpk_rocking.density.resolution import USUAL
 from fpk_rocking.density.solver import refuse_unsolvable
@@ -31,39 +31,35 @@ from fpk_rocking.scene.scene import Scene
 class CycleOperator(Result, LinearOperator):
     """The operator that maps the density at one whole forcing cycle to the density at the next.
 
-    It is the transfer (Perron-Frobenius) operator of a cycle under white noise, made of the steps of `solve_fpk`, and a
-    SciPy linear operator: ``matvec`` carries a density forward over a cycle, ``rmatvec`` (the Koopman operator) carries
-    a function of the state back to its mean over the state one cycle before. `vector` and `density` convert between
-    vectors and functions; the Euclidean product of two vectors is the integral of the product of their functions.
+    It is the transfer (Perron-Frobenius) operator under white noise, made of the steps of `solve_fpk`, and a SciPy
+    linear operator: ``matvec`` carries a density forward over a cycle, ``rmatvec`` (the Koopman operator) takes a
+    function of the state to its mean by the state one cycle before. `vector` and `density` convert; the Euclidean
+    product of two vectors is the integral of the product of their functions.
 
     Parameters
     ----------
     scene : Scene
-        With white or band noise, under periodic forcing. Band noise is replaced by white noise of equal Melnikov
-        variance.
+        Under periodic forcing with white noise, or band noise, which white noise of equal Melnikov variance replaces.
     tol : float
-        Wanted error of survival after any number of cycles, at least 1e-4. The mesh is refined until the estimated
-        relative error of the escape rate is at most exp(1) `tol`.
+        Wanted error of survival after any number of cycles, at least 1e-4: the mesh is refined until the estimated
+        relative error of the escape rate is at most exp(1) times that.
 
     Attributes
     ----------
     scene, tol, diffusion, noise_replacement
         As in `Evolution`.
-    escape_rate : float
-        Long-run rate of overturning per cycle, -ln of the leading eigenvalue.
-    escape_error : float
-        Estimated relative error of `escape_rate`, from three meshes.
+    escape_rate, escape_error : float
+        Long-run rate of overturning per cycle, -ln of the leading eigenvalue, and its estimated relative error.
     refinement : list of (int, float)
         Number of unknowns and escape rate on every mesh, from coarse to fine.
     leakage : ndarray, shape (2,)
-        Probability that a block distributed like `quasi_stationary` overturns within a cycle, to the left and to the
-        right.
+        Probability of overturning within a cycle from `quasi_stationary`, to the left and to the right.
     truncated : float
-        Probability that the mesh truncates in a cycle, to velocities beyond its largest one.
+        Probability that leaves the mesh in a cycle, to velocities beyond its largest one.
     eigenvalues : ndarray of complex
         Leading eigenvalues, descending in modulus.
     residuals : ndarray
-        Residuals (L2 norm) of the computed modes.
+        L2 norms of the residuals of the modes.
     negative_mass : float
         Integral of max(-p, 0) over the quasi-stationary density p.
     settings : dict
@@ -77,9 +73,9 @@ class CycleOperator(Result, LinearOperator):
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused; or the scene cannot be solved: it has no noise, filtered noise, or a restitution of at
-        most exp(-π/√3) = 0.163; nearly every block overturns within a cycle, or too few do for a rate above the error;
-        or the finest mesh does not resolve the quasi-stationary density.
+        A parameter is refused; or the scene has no noise, filtered noise, or a restitution of at most
+        exp(-π/√3) = 0.163; nearly every block overturns within a cycle, or too few for a rate above the error; or the
+        finest mesh does not resolve the quasi-stationary density.
 
     Examples
     --------
@@ -188,13 +184,12 @@ class CycleOperator(Result, LinearOperator):
         return self._fine.space
 
     def vector(self, coefficients: Array) -> Array:
-        """Return the vector (unknowns,) that stands for a function.
+        """Return the vector (unknowns,) of a function.
 
         Parameters
         ----------
-        coefficients : ndarray, shape ``space.shape``
-            Coefficients of the function, such as those of a `Density` on the same mesh: (angle cells, velocity cells,
-            degree + 1, degree + 1).
+        coefficients : ndarray, shape (angle cells, velocity cells, degree + 1, degree + 1)
+            As of a `Density` on the same mesh.
         """
         return self._fine.vector(coefficients)
 
@@ -214,7 +209,7 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def forgetting_cycles(self) -> float:
-        """Number of cycles after which the influence of the start has fallen by a factor exp(1)."""
+        """Number of cycles in which the influence of the start falls by a factor exp(1)."""
         first, second = np.abs(self.eigenvalues[:2])
         return float(-1.0 / math.log(second / first))
 
@@ -224,20 +219,18 @@ class CycleOperator(Result, LinearOperator):
         return -1.0 / math.expm1(-self.escape_rate)
 
     def modes(self, adjoint: bool = False) -> tuple[Array, list[Array]]:
-        """Return the leading eigenvalues and eigenfunctions, real and imaginary parts apart.
+        """Return the leading eigenvalues and eigenfunctions.
 
         Parameters
         ----------
         adjoint : bool
-            Whether to return those of the adjoint operator.
+            Whether of the adjoint operator.
 
         Returns
         -------
         eigenvalues : ndarray of complex, shape (modes,)
-            Of the operator of a cycle.
         functions : list of ndarray, shape ``space.shape``
-            Coefficients of the eigenfunctions, of L2 norm 1. A conjugate pair of eigenvalues has the real and the
-            imaginary part of one eigenfunction.
+            Coefficients, of L2 norm 1; of a conjugate pair the real and the imaginary part of one eigenfunction.
         """
         modes = self._fine.left_modes if adjoint else self._fine.modes
         return modes.values**self._fine.periods, [self._fine.coefficients(column) for column in modes.basis.T]
@@ -248,20 +241,18 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         cycles : int or sequence of int
-            Each at least 0; there is no upper limit.
+            At least 0, without upper limit.
         """
         shape = np.shape(cycles)
         return self.estimate_survival(np.ravel(cycles)).survival.reshape(shape)
 
     def estimate_survival(self, cycles: Sequence[int] | Array) -> SurvivalEstimate:
-        """Compute survival from the scene's start with error estimates.
-
-        The density is propagated cycle by cycle until its leading modes represent it, and by these from there on.
+        """Compute survival from the scene's start with error estimates, for long times by the leading modes.
 
         Parameters
         ----------
         cycles : sequence of int
-            Each at least 0; there is no upper limit.
+            At least 0, without upper limit.
         """
         counts = np.array([checks.count("cycles", count, at_least=0) for count in cycles], dtype=np.int64)
         survival, left_out = self._fine.survival(counts, self._white.start)
@@ -278,10 +269,9 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         cycles : int
-            At least 0; there is no upper limit.
+            At least 0, without upper limit.
         phase : float, optional
-            Forcing phase Ψ at the start, radians; that of the first harmonic where there are several. By default the
-            scene's.
+            Forcing phase Ψ (of the first harmonic) at the start, radians; by default the scene's.
         """
         cycles = checks.count("cycles", cycles, at_least=0)
         return self._map(
@@ -291,14 +281,13 @@ class CycleOperator(Result, LinearOperator):
         )
 
     def first_passage_map(self, cycle: int, phase: float | None = None) -> PlaneMap:
-        """Probability of overturning in one particular cycle, as a function of the start: (angle, velocity).
+        """Probability of overturning in one cycle, numbered from 1, as a function of the start: (angle, velocity).
 
         Parameters
         ----------
         cycle : int
-            Number of the cycle, from 1.
         phase : float, optional
-            Forcing phase Ψ at the start, radians; by default the scene's.
+            As of `survival_map`.
         """
         cycle = checks.count("cycle", cycle)
 
@@ -315,16 +304,12 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         phase : float, optional
-            Forcing phase Ψ at the start, radians; by default the scene's.
+            As of `survival_map`.
         """
         return self._map(MeshOperator.mean_time, phase)
 
     def _map(self, function, phase, from_start=None):
-        """Return the map, by start, of a function from a `MeshOperator` to a vector; its error is from two meshes.
-
-        `from_start`, if any, takes a function of numbers of cycles that returns survival (n,) from one start, and
-        returns the map's value there.
-        """
+        """`PlaneMap` of a vector by `function` of a mesh; of single starts by `from_start` of their survival."""
         own = periodic(self.scene.forcing).phase
         phase = own if phase is None else checks.number("phase", phase)
         meshes = [self._fine, self._coarse]
@@ -346,7 +331,7 @@ class CycleOperator(Result, LinearOperator):
         return tuple(values)
 
 
-OPERATOR = Task(f"{__name__}:compile_operator", 12)
+OPERATOR = Compilation(f"{__name__}:compile_operator", 12)
 
 
 def compile_operator() -> None:

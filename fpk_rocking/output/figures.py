@@ -25,19 +25,18 @@ _LINE = 0.22
 
 
 def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = "") -> pathlib.Path:
-    """Draw survival, also on a logarithmic axis, differences from the first result, and leakage per cycle and side.
+    """Draw survival, differences from the first result, and leakage per cycle and side; return the path.
 
-    Samples are drawn with their 95 % intervals. The interval of a difference supposes that both results have the same
-    distribution. Returns the path.
+    Samples have their 95 % intervals; that of a difference supposes that both results have the same distribution.
 
     Parameters
     ----------
     path : path
-        File to write; the suffix chooses the format.
+        The suffix chooses the format.
     results : sequence of SurvivalResult
-        Two to four results, whose scenes differ in the noise alone; the first is the reference.
+        Two to four, whose scenes differ in the noise alone; the first is the reference.
     title : str
-        By default survival in the end, and the largest difference from the first result.
+        By default survival in the end, and the largest difference.
 
     Examples
     --------
@@ -144,20 +143,20 @@ _PIECES = 4
 
 
 def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> pathlib.Path:
-    """Draw joint densities as surfaces, one panel for each cycle, with walls for the overturned probability.
+    """Draw joint densities as surfaces, one panel for each cycle, with walls for what overturned; return the path.
 
-    The height of a surface is the probability in a bin around the point divided by the area of the bin, for all engines
-    alike. Panels of one cycle share their axes. The height of a wall at the overturning angle is the probability of
-    having overturned to that side; its scale goes up to 1. A start from a point is drawn as a needle. Returns the path.
+    A surface has the height of the probability in a bin around the point divided by its area, for all engines alike;
+    a wall at the overturning angle, of the probability of having overturned to that side, up to 1. Panels of one cycle
+    share their axes. A start from a point is drawn as a needle.
 
     Parameters
     ----------
     path : path
-        File to write; the suffix chooses the format.
+        The suffix chooses the format.
     results : sequence of SurvivalResult
-        Drawn from top to bottom; their scenes differ in the noise alone.
+        From top to bottom; their scenes differ in the noise alone.
     cycles : sequence of int
-        Drawn from left to right, three in a row; four in two rows.
+        From left to right, three in a row; four in two rows.
     title : str
 
     Examples
@@ -279,15 +278,12 @@ def _surface_notes(results, columns):
 def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> None:
     """Draw joint densities as colour maps of the phase plane, with one colour scale for each cycle.
 
-    A map shows the probability in each bin divided by the area of the bin, for all engines alike. The velocities shown
-    hold all but 1e-4 of the probability.
+    A map shows the probability in each bin divided by its area, over velocities that hold all but 1e-4 of it.
 
     Parameters
     ----------
-    path, results, title
-        As of `surface_figure`.
-    cycles : sequence of int
-        Each at least 1, drawn from left to right.
+    path, results, cycles, title
+        As of `surface_figure`; cycles at least 1.
 
     Examples
     --------

@@ -91,17 +91,12 @@ class Result:
                 getattr(self, name).flags.writeable = False
 
     def save(self, path: File) -> None:
-        """Save the result to a file; an interruption leaves no partial file.
+        """Save the result to a file; TypeError where the class has no files or an attribute is not JSON.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            By custom with the suffix .npz; its folder is created if missing.
-
-        Raises
-        ------
-        TypeError
-            An attribute is not JSON, or the class has no files.
+            By custom with the suffix .npz; a missing folder is created. An interruption leaves no partial file.
         """
         storage.save(self, path)
 
@@ -112,22 +107,19 @@ class Result:
         Parameters
         ----------
         path : str or pathlib.Path
-            A file that `save` wrote.
 
         Raises
         ------
-        FileNotFoundError
-            There is no such file.
-        ValueError
-            The file is not a result, is damaged or truncated, or holds another kind, format or content.
+        FileNotFoundError, ValueError
+            There is no such file; it is no result, is damaged, or holds another kind or format.
         """
         return storage.load(cls, path)
 
     def derived(self) -> dict[str, tuple[str | tuple[str, ...], Any]]:
         """Arrays besides the fields: (dimensions, values) by name, as in ``{"speed": ("time side", speeds)}``.
 
-        The values are an array, or a function without parameters that computes it, for arrays that take long. A field
-        that is named here as well stands at this place in the table.
+        Of an array that takes long the values are a function that computes it. A field that is named here as well
+        stands at this place in the table.
         """
         return {}
 
@@ -178,7 +170,7 @@ class Result:
 
     @property
     def reason_if_ok(self) -> str:
-        """Reason of the verdict "ok" if no error figure has a limit; empty where there has to be one."""
+        """Reason of the verdict "ok" if no error figure has a limit; empty where one must have."""
         return ""
 
     @functools.cached_property
@@ -261,9 +253,7 @@ class Result:
         return columns
 
     def to_csv(self, path: File) -> None:
-        """Write the `table` as a CSV file: survival and the like, not a density or states of paths.
-
-        Arrays with dimensions besides those of the rows are in the files of `save` and in `to_xarray`.
+        """Write the `table` as a CSV file; arrays of more dimensions are in the files of `save` and in `to_xarray`.
 
         Parameters
         ----------

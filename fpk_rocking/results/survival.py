@@ -52,12 +52,11 @@ class RowResult(Result):
         return np.asarray(self.times) if self.time_s is None else self.time_s
 
     def when(self, row: int) -> str:
-        """Return the time of a row as a text, as in "after 3 cycles", "after 2.5 s" or "τ = 2.5".
+        """Return the time of a row, from 0 on, as a text: "after 3 cycles", "after 2.5 s" or "τ = 2.5".
 
         Parameters
         ----------
         row : int
-            From 0 on.
         """
         if self.cycles is not None:
             return f"after {row} cycle{'s' * (row != 1)}"
@@ -67,42 +66,29 @@ class RowResult(Result):
 class SurvivalResult(RowResult):
     """Survival and overturning of the blocks of a scene; `compare`, tables, pictures and VTK files take such results.
 
-    Row k of an array is for the time kT after k forcing cycles. Where the forcing does not repeat there are no cycles:
-    row k is then for ``times[k]``, and a parameter ``cycle`` is such a number k. A subclass has ``_binned(row, edges)``
-    for `bin_probabilities`, and ``overturning_text()``, the last probability of overturning with its error. A density
-    has ``at(cycle)``, itself as a function on a mesh.
+    Row k of an array is for ``times[k]``: k forcing cycles, if the forcing repeats. A parameter ``cycle`` is such a k.
+    A subclass has ``_binned(row, edges)`` for `bin_probabilities`, and ``overturning_text()``, the last probability of
+    overturning with its error. A density has ``at(cycle)``, itself as a function on a mesh.
 
     Attributes
     ----------
     scene : Scene
-    times : ndarray, shape (cycles + 1,)
-        Times τ of the rows, from 0 on.
-    survival : ndarray, shape (cycles + 1,)
-        Probability of not having overturned.
+    times, survival : ndarray, shape (cycles + 1,)
+        Nondimensional times from 0 on, and probability of not having overturned.
     overturned : ndarray, shape (cycles + 1, 2)
         Probability of having overturned to the left and to the right.
     wall_s : float
-        Seconds that the call took.
+        Seconds of the call.
     engine : str
-        Name of the engine, for tables and legends.
+        Name for tables and legends.
     realizations : int or None
-        Number of realizations of a sample; None for a density.
+        Of a sample; None for a density.
     deterministic : bool
-        Whether nothing is random, so that one path decides and there are no intervals.
+        Whether nothing is random: one path decides, without intervals.
     noise_replacement : str
-        Which noise replaced that of the scene, as a sentence; empty where none did.
+        Which noise replaced that of the scene, as a sentence, or empty.
     shown_bins : int
         Least number of bins along an axis in pictures; 0 where only some bins are known.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene, solve_fpk
-    >>> from montecarlo import simulate
-    >>> scene = load_scene("main")
-    >>> for result in (solve_fpk(scene, cycles=4, tol=1e-2), simulate(scene, cycles=4, realizations=1000)):
-    ...     print(result.engine, result.survival[4].round(2))
-    Fokker-Planck density 0.86
-    Monte Carlo exact 0.86
     """
 
     if TYPE_CHECKING:  # of every subclass, listed above
@@ -122,10 +108,10 @@ class SurvivalResult(RowResult):
 
     @property
     def overturning_error(self) -> float | None:
-        """Error of the last probability of overturning in parts of it; None where nothing is random.
+        """Error of the last probability of overturning in parts of it; None where nothing is random or none overturned.
 
-        Of a sample half the width of the 95 % interval; None where no path has overturned: that limit is the answer. Of
-        a density the total error, or the solver's where the replacement of the noise was not checked.
+        Of a sample half the width of the 95 % interval. Of a density the total error, or the solver's where the
+        replacement of the noise was not checked.
         """
         if self.deterministic:
             return None
@@ -181,16 +167,15 @@ class SurvivalResult(RowResult):
         Parameters
         ----------
         cycle : int
-            Number of the row, from 0.
+            From 0.
         angle_edges, velocity_edges : array_like
-            Ascending, nondimensional; the bins are those of `numpy.histogram2d`. Of a `Tally` they have to be among the
-            edges that were counted.
+            Ascending, nondimensional, as of `numpy.histogram2d`; of a `Tally`, among the edges that were counted.
 
         Returns
         -------
         ndarray, shape (angle bins, velocity bins)
-            Sums to the survival where the bins cover the plane. Blocks at rest are in the bin that contains (0, 0). A
-            bin of a density may be slightly below 0 where the mesh does not resolve it.
+            Blocks at rest are in the bin that contains (0, 0). A bin of a density may be slightly below 0 where the
+            mesh does not resolve it.
 
         Raises
         ------
@@ -207,10 +192,10 @@ class SurvivalResult(RowResult):
         Parameters
         ----------
         what : str, optional
-            "survival", with its 95 % interval or estimated error if it has one; "bins", the probability in each bin
-            divided by its area; "density", the density itself where there is one. By default survival and bins.
+            "survival", with its 95 % interval or estimated error; "bins", the probability in each divided by its area;
+            "density", where there is one. By default survival and bins.
         cycle : int, optional
-            Cycle of the bins or the density; by default the last one after which more than one block in 1,000 stands.
+            Of the bins or the density; by default the last after which more than one block in 1,000 stands.
         """
         from fpk_rocking.results.pictures import figure_of, result_panels
 

@@ -12,9 +12,9 @@ programs. ``calibrated`` fits a block to tests in which it overturned or stood.
 from fpk_rocking.risk.calibration import Calibration, calibrated
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities
 from fpk_rocking.risk.curves import Fragility, fragility
-from fpk_rocking.risk.drawing import Draws, drawn, synthetic_records
 from fpk_rocking.risk.export import to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.inputs import Draws, drawn, synthetic_records
 from fpk_rocking.risk.lognormal import Ranking, ranked
 from fpk_rocking.risk.motions import Intensities, at_intensity, intensities
 from fpk_rocking.risk.population import IntensityCurve

@@ -11,6 +11,9 @@ With the share λ of outcomes that the model has nothing to do with,
 where O_i is 1 where the path of a block overturns and 0 where it stands, computed for blocks at nodes of α and at
 scrambled Sobol points of (p, e). The posterior is a sum: over nodes of μ, σ and λ by quadrature, over the points by
 importance weights. Without k the likelihood jumps from point to point, as single paths do, and few points bear it.
+
+Many blocks under one motion are followed from one set of tables a motion and size (`outcomes_of`); `block_scene` says
+what scene the parameters of a block stand for.
 """
 
 import dataclasses
@@ -31,7 +34,7 @@ from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.results.pictures import COLOURS, figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
-from fpk_rocking.risk.drawing import concentrated, distribution_of
+from fpk_rocking.risk.inputs import concentrated, distribution_of
 from fpk_rocking.scene import NoNoise
 from fpk_rocking.scene.axes import SETTLING
 from fpk_rocking.scene.parts import Block, Body, Overturning

@@ -16,7 +16,7 @@ from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
 from fpk_rocking.risk.capacities import Capacities
-from fpk_rocking.risk.drawing import Draws
+from fpk_rocking.risk.inputs import Draws
 from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal, fit_rows
 from fpk_rocking.risk.motions import intensity_of, measure_of
 from fpk_rocking.risk.search import farthest_scale, first_scale, last_scale
@@ -277,7 +277,7 @@ class IntensityCurve(Result):
         which : int
             Index of the probability: 0 overturning, 1, 2, ... the levels.
         draws : Draws, optional
-            Where the scenes are `fpk_rocking.risk.drawing.drawn` blocks: blocks under one motion are not independent
+            Where the scenes are `fpk_rocking.risk.inputs.drawn` blocks: blocks under one motion are not independent
             of each other.
         samples : int, optional
             Number of replicates; by default 999 for one scene, for several `Capacities.usual_draws`.

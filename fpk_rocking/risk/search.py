@@ -1,4 +1,4 @@
-"""Outcomes without noise: the scales of a motion at which a block begins or ceases to overturn; many blocks at once.
+"""Outcomes without noise: the scales of a motion at which a block begins or ceases to overturn.
 
 What one path comes to is a function of the scale that jumps between standing and overturning. The jumps are bracketed
 by a scan in the logarithm of the scale and then halved. The scan is coarse where the block hardly rocks, and fine where
@@ -9,9 +9,6 @@ four in five are narrower than `FINE`, and two in five of all are missed. They c
 .001, for those of overturning and those of standing balance. But the lowest scale at which a motion overturns falls on
 and on as the scan gets finer; taken for the capacity it makes a rate 1.8 to 2 times as large. So the critical scale is
 that from which the block overturns over a part of `FINE` at least (1.2 times; benchmarks/critical_search.py).
-
-Many blocks under one motion are followed from one set of tables a motion and size (`outcomes_of`); `block_scene` says
-what scene the parameters of a block stand for.
 """
 
 import math
@@ -21,11 +18,11 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.checks import Array, ArrayLike
-from fpk_rocking.base.precompilation import Task
+from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.risk.motions import intensity_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import engine_of
-from montecarlo.engines.batches import task_of
+from montecarlo.engines.batches import compilation_of
 from montecarlo.engines.scaled_paths import Outcomes, ScaledPaths
 
 COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
@@ -149,9 +146,9 @@ def kernels_of(
     task: Callable[..., Any],  # noqa: ARG001  (as `tasks.kernels_of`)
     scenes: Iterable[Scene],
     options: dict[str, Any],  # noqa: ARG001
-) -> list[Task]:
-    """Return a sorted list of the tasks of `base.precompilation` that compile the paths of some scenes."""
-    return sorted({task_of(engine_of(scene, "exact"), scene) for scene in scenes})
+) -> list[Compilation]:
+    """Return a sorted list of the compilations that the paths of some scenes need."""
+    return sorted({compilation_of(engine_of(scene, "exact"), scene) for scene in scenes})
 
 
 def _padded(rows: Sequence[Array]) -> Array:

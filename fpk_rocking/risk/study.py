@@ -24,9 +24,9 @@ from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities, critical_text, factor_diagnostics
 from fpk_rocking.risk.curves import Fragility, fragility
-from fpk_rocking.risk.drawing import Draws, drawn
 from fpk_rocking.risk.export import NAMES, check_name, not_for_pelicun, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard
+from fpk_rocking.risk.inputs import Draws, drawn
 from fpk_rocking.risk.lognormal import ranked
 from fpk_rocking.risk.motions import at_intensity, intensity_of, motion_lines, motion_table, recorded_scenes
 from fpk_rocking.risk.population import IntensityCurve
@@ -404,7 +404,7 @@ def study(
     scale_noise : bool
         Whether the noise is scaled with the records.
     uncertain : dict of str, optional
-        Distributions of values of the block, see `fpk_rocking.risk.drawing.drawn`.
+        Distributions of values of the block, see `fpk_rocking.risk.inputs.drawn`.
     blocks : int
         Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
     name : str

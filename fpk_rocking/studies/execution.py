@@ -23,7 +23,7 @@ import numpy as np
 
 from fpk_rocking.base import checks, precompilation
 from fpk_rocking.base.checks import File, Progress
-from fpk_rocking.base.precompilation import Task
+from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.console import line
 from fpk_rocking.scene.scene import Scene
 
@@ -57,7 +57,7 @@ def run_jobs(
     task: Callable[..., Any],
     jobs: Sequence[Job],
     options: dict[str, Any],
-    kernels_of: Callable[..., list[Task]],
+    kernels_of: Callable[..., list[Compilation]],
     *,
     workers: int | concurrent.futures.Executor,
     store: File | None = None,

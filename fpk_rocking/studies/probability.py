@@ -60,37 +60,26 @@ class Probability(RowResult):
     ----------
     scene : Scene
     times : ndarray, shape (rows,)
-        Nondimensional times τ from 0 on: whole cycles where the forcing repeats.
+        Nondimensional, from 0 on; whole cycles where the forcing repeats.
     left, right : ndarray, shape (rows,)
         Probability of having overturned to either side.
     errors : ndarray, shape (rows, 3)
-        Errors of the survival, of `left` and of `right`: half of the 95 % interval of a sample, with the measured error
-        of its time steps; of a density the estimated error.
+        Of the survival, of `left` and of `right`: half of the 95 % interval of a sample, with the measured error of its
+        time steps; of a density the estimated error.
     method : {"one path", "paths", "density", "splitting"}
-    engine : str
-        The Monte Carlo method, as in "exact"; empty for a density.
-    reason : str
-        Why this method was taken, as a sentence.
+    engine, reason : str
+        The Monte Carlo method, empty for a density; and why `method` was taken, as a sentence.
     tol, rtol : float
-        Wanted error of the last probability, absolute and in parts of it; 0 where none was asked for.
+        Wanted error of the last probability, absolute and in parts of it; 0 where none was given.
     returns : ndarray of int, shape (2,)
-        How many of the paths that overturned were followed on to the fall, 90 degrees, and how many of these came back.
+        Number of overturned paths that were followed on to the fall, 90 degrees, and of those that came back.
     realizations : int
-        Number of paths; of walkers in all repeats of splitting; 0 for a density.
+        Number of paths, or of walkers in all repeats of splitting; 0 for a density.
     seed : int
-        Seed of the random numbers.
     interrupted : bool
-        Whether the call was interrupted; the numbers are those of the paths until then.
+        Whether the result is that of the paths until an interruption.
     seconds : float
-        That the call took, compilation included.
-
-    Examples
-    --------
-    >>> from fpk_rocking import Scene, probability
-    >>> rack = Scene.from_block(0.6, 2.0, "0.35 g", "1.2 Hz", noise_rms_acceleration=0.5, noise_band_hz=(0, 5))
-    >>> answer = probability(rack, cycles=10, tol=0.01)
-    >>> print(f"{answer.overturned:.2f} {answer.method} {answer.error <= 0.01} {answer.verdict}")
-    0.10 paths True ok
+        Of the call, with compilation.
     """
 
     kind: ClassVar = "probability"
@@ -127,12 +116,12 @@ class Probability(RowResult):
 
     @property
     def verdict(self) -> str:
-        """The verdict "ok", "caution" or "do not use"; `trust` has the reasons."""
+        """The verdict of `trust`: "ok", "caution" or "do not use"."""
         return self.trust.verdict
 
     @property
     def wanted(self) -> float:
-        """The error that was asked for: `tol`, or `rtol` times the probability where that is larger."""
+        """The wanted error: `tol`, or `rtol` times the probability where that is larger."""
         return WantedError(self.tol, self.rtol).of(self.overturned)
 
     @property
@@ -230,34 +219,29 @@ def probability(
 ) -> Probability:
     """Estimate the probability that a block has overturned, to a wanted error, for the scene as it is.
 
-    A scene without noise has one path. Else paths are sampled, which predict the seconds that more paths take until the
-    error is small enough. Under white noise the density (`solve_fpk`) or splitting (`montecarlo.split`) is taken where
-    it is predicted to be sooner. Band noise and filtered noise act as they are. Whether the limit is enough is decided
-    within a tenth of it, or 2 s. After an interruption from the keyboard the result is that of the paths so far.
+    A scene without noise has one path. Else paths are sampled in stages until half of the 95 % interval (Wilson's) is
+    within the wanted error; it contains the probability in 94.8 % of repetitions or more (benchmarks/probability.py).
+    Under white noise the density (`solve_fpk`) or splitting (`montecarlo.split`) is taken where the first paths predict
+    that it is sooner. Band noise and filtered noise act as they are. After an interruption from the keyboard the result
+    is that of the paths so far.
 
-    Paths are added in stages until half of the 95 % interval (Wilson's) is within the wanted error, each stage as long
-    as the limits of the interval so far ask for. The interval at the end contains the probability in 94.8 % of
-    repetitions or more, whatever the probability (benchmarks/probability.py). Where an engine has time steps, a quarter
-    as many paths are sampled again with steps four times as long, and what these change beyond sampling is added to the
-    error: for any order from 1/2 on the error of the shorter steps is smaller than that.
+    Where an engine has time steps, a quarter as many paths are sampled with steps four times as long. What these change
+    beyond sampling is added to the error: of any order from 1/2 on the error of the shorter steps is less.
 
     Parameters
     ----------
     scene : Scene
-        Block, forcing, noise, start and overturning.
     cycles : int, optional
-        Number of forcing cycles. Required where the forcing repeats, refused where it does not.
+        Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        For a pulse or a record: ascending nondimensional times. By default 21 times over its duration, and 10 units of
-        time after its end.
-    tol : float, optional
-        Wanted error (95 %) of the last probability, above 0. By default .005, unless `rtol` is given.
-    rtol : float, optional
-        Wanted error in parts of the probability, above 0. With both, the larger error is enough.
+        For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
+    tol, rtol : float, optional
+        Wanted error (95 %) of the last probability, absolute and in parts of it, above 0; the larger is enough. By
+        default `tol` is .005, unless `rtol` is given.
     limit_s : float
-        Seconds that the call may take. ValueError before the work begins where more are predicted.
+        Seconds that the call may take. ValueError within a tenth of it, or 2 s, where more are predicted.
     seed : int
-        Seed of the random numbers, from 0 to 2**64 - 1.
+        From 0 to 2**64 - 1.
     progress : callable, optional
         Called as ``progress(done, total)``.
 
@@ -344,8 +328,7 @@ class WantedError(NamedTuple):
 class Paths:
     """Paths of a run, sampled as they are needed: how many have overturned at each time.
 
-    `sides` (rows, 2): of `paths`, to the left and to the right. `returns` (2,): how many were followed on to the fall,
-    and how many of these came back.
+    `sides` (rows, 2): of `paths`, to the left and to the right. `returns` (2,): as in `Probability`.
     """
 
     def __init__(self, run: Run, progress: Progress | None = None) -> None:
@@ -477,10 +460,7 @@ class Found(NamedTuple):
 
 
 def soonest(paths: Paths, wanted: WantedError, limit_s: float) -> Found:
-    """Sample, predict, and take the shortest way to the wanted error; ValueError where it takes longer than the limit.
-
-    After an interruption from the keyboard: what the paths until then say.
-    """
+    """Sample, predict, and take the shortest way to the wanted error; ValueError where it is beyond the limit."""
     predicted: dict[str, list[float]] = {}
     try:
         path_s = paths.pilot()
@@ -509,10 +489,7 @@ def soonest(paths: Paths, wanted: WantedError, limit_s: float) -> Found:
 
 
 def _by_another_way(paths, outlook, predicted):
-    """Take the density or splitting where that is sooner than paths; None where neither is.
-
-    `predicted`: seconds of their parts, lists by name; each is tried once.
-    """
+    """`Found` by the density or by splitting, each tried once if sooner than paths; seconds go to `predicted`."""
     if outlook.seconds <= _SHORT_S:
         return None
     if "density" not in predicted:
@@ -579,8 +556,7 @@ class SlowerError(Exception):
 def stop_if_slow(predicted: list[float], limit: float, rows: int, progress: Progress | None = None) -> Progress:
     """Return a `progress` for `solve_fpk` that raises `SlowerError` where more than `limit` seconds are to come.
 
-    What the solutions so far took, over the seconds `predicted` for them, holds for the others. A solution has `rows`
-    times beside the first.
+    It scales the seconds `predicted` by what the solutions so far took; each has `rows` times beside the first.
     """
     began = time.perf_counter()
 
@@ -597,10 +573,7 @@ def stop_if_slow(predicted: list[float], limit: float, rows: int, progress: Prog
 
 
 def by_density(paths: Paths, outlook: Outlook, predicted: list[float]) -> Found | None:
-    """Solve for the density, whose solutions are `predicted` to take some seconds.
-
-    None if it is not accurate enough, contradicts the paths so far, or is slower than predicted, and so than paths.
-    """
+    """Solve for the density; None where it is not accurate enough, contradicts the paths, or is slower than these."""
     from fpk_rocking.density.solver import solve_fpk
 
     tol, paths_s = outlook.wanted.of(paths.least_share), outlook.seconds

@@ -23,9 +23,9 @@ class Grid(NamedTuple):
     Parameters
     ----------
     scenes : tuple of Scene
-        In the order of the combinations, the last axis changing fastest.
+        The last axis changes fastest.
     axes : dict of str to tuple of float
-        Values of each parameter by its name.
+        Values of each parameter by name.
     """
 
     scenes: tuple[Scene, ...]
@@ -37,12 +37,12 @@ class Grid(NamedTuple):
         return tuple(len(values) for values in self.axes.values())
 
     def parameters(self, number: int) -> dict[str, float]:
-        """Return the values of the parameters of one scene, by name.
+        """Return the parameters of one scene by name.
 
         Parameters
         ----------
         number : int
-            Place of the scene in `scenes`, from 0.
+            Place in `scenes`, from 0.
         """
         values = next(itertools.islice(itertools.product(*self.axes.values()), number, None))
         return dict(zip(self.axes, values, strict=True))
@@ -54,9 +54,8 @@ def grid(scene: Scene, axes: Mapping[str, ArrayLike]) -> Grid:
     Parameters
     ----------
     scene : Scene
-        Scene that is changed.
     axes : dict of str to sequence of float
-        Values of each parameter by its name, as `varied` takes it. The parameters are set in this order.
+        Values of each parameter by name, as `varied` takes it; set in this order.
 
     Examples
     --------
@@ -82,14 +81,13 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
     Parameters
     ----------
     scene : Scene
-        Scene that is changed.
     name : str
         A dotted name of a scene file, such as "noise.variance"; "scale", a factor of forcing and noise (`scaled`); or,
         for another block under the same shaking (`resized`), "width", "height" or "size" (the half diagonal R), all in
         metres, or "slenderness" (height over width at the same R); of a body "height_of_centre", "right", "left" or
         "radius_of_gyration".
     value : float or (float, float)
-        New value of the parameter; two of the restitution of a body.
+        Two for the restitution of a body.
 
     Examples
     --------
@@ -126,16 +124,14 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
 
 
 def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:
-    """Return a scene with the acceleration of the base multiplied by a factor.
+    """Return a scene with the acceleration of the base multiplied by a factor above 0.
 
     Parameters
     ----------
     scene : Scene
-        Scene that is changed.
     factor : float
-        Factor of the forcing, above 0.
     noise : bool
-        Whether the noise is multiplied too: its variance, or diffusion, by the square of the factor.
+        Whether the noise is multiplied too: its variance, or diffusion, by the square.
 
     Examples
     --------
@@ -159,9 +155,9 @@ def resized(scene: Scene, *, width: float | None = None, height: float | None = 
     Parameters
     ----------
     scene : Scene
-        Scene of a block with dimensions.
+        Of a block with dimensions.
     width, height : float, optional
-        New full width and height, metres; one that is left out is kept.
+        New full width and height, metres; what is left out is kept.
 
     Examples
     --------
@@ -206,7 +202,7 @@ def _with_size(scene, new):
 
 
 def dimensions_of(scene: Scene, name: str) -> Dimensions:
-    """Return the dimensions of a scene's block; ValueError where it has none, with the name of the parameter."""
+    """Return the dimensions of a scene's block; ValueError where it has none, for the parameter `name`."""
     if scene.block.dimensions is None:
         accepted = "only where the scene has [block.dimensions], a rectangle; this one has none"
         raise ValueError(checks.refusal("parameter", name, accepted))
@@ -214,7 +210,7 @@ def dimensions_of(scene: Scene, name: str) -> Dimensions:
 
 
 def checked_scenes(name: str, scenes: Any) -> tuple[Scene, ...]:
-    """Return one or more scenes as a tuple; `name` is that of the parameter, for the refusal of anything else."""
+    """Return one or more scenes as a tuple; anything else is refused as the parameter `name`."""
     accepted = "one or more scenes"
     scenes = checks.sequence(name, scenes, accepted)
     if not scenes:

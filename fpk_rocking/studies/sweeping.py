@@ -27,22 +27,12 @@ class Sweep(Result):
     Parameters
     ----------
     rows : tuple of dict
-        For each scene, in order: "cell", its number; "seed" of its random numbers; "wall_s", its seconds; "values",
-        what the function returned; and "reason", why it failed, else empty.
+        For each scene, in order: its number "cell", "seed", seconds "wall_s"; "values", what the task returned; and
+        "reason", why it failed, else empty.
     axes : dict of str to tuple of float
         Values of the parameters of a grid by name; empty for a list of scenes.
     wall_s : float
-        Seconds that the call took.
-
-    Examples
-    --------
-    >>> from fpk_rocking import load_scene
-    >>> from fpk_rocking.studies import grid, sweep
-    >>> done = sweep(grid(load_scene("main"), {"forcing.amplitude": [4.2, 4.6]}), cycles=4, realizations=500)
-    >>> print(done.title)
-    2 scenes over forcing.amplitude (2), 0 failed
-    >>> print(done.rows[1]["values"]["survival"], done.trust.verdict)
-    [1.0, 1.0, 0.996, 0.958, 0.834] caution
+        Seconds of the call.
     """
 
     rows: tuple[dict[str, Any], ...]
@@ -60,17 +50,12 @@ class Sweep(Result):
         return tuple(map(len, self.axes.values())) or (len(self.rows),)
 
     def values(self, name: str) -> Array:
-        """Return one number of every row, by its name.
+        """Return one number of every row, an array of the `shape`; nan where a scene failed.
 
         Parameters
         ----------
         name : str
             Name among the values of the rows, such as "survival"; of a list the last entry is taken.
-
-        Returns
-        -------
-        ndarray, shape of the grid or (scenes,)
-            nan where a scene failed.
         """
         names = {key for row in self.rows for key in row["values"]}
         if name not in names:
@@ -86,7 +71,6 @@ class Sweep(Result):
         Parameters
         ----------
         path : str or pathlib.Path
-            File to write.
         """
         columns = self._table("")
         write_csv(path, columns, zip(*columns.values(), strict=True))
@@ -211,32 +195,30 @@ def sweep(
 ) -> Sweep:
     """Run Monte Carlo, the density solver, or a function of your own on many scenes.
 
-    The result is the same to the last bit for any number of workers: the random numbers of a scene depend on `seed` and
-    on its number in the sweep alone. A scene that fails, or ends its worker process, has a row with the reason.
+    The result is the same to the last bit for any number of workers. A scene that fails, or ends its worker process,
+    has a row with the reason.
 
     Parameters
     ----------
     scenes : sequence of Scene, or Grid
-        The scenes, such as those of `fpk_rocking.studies.grid`.
     task : str or callable
-        "mc" for `montecarlo.simulate`; "fpk" for `fpk_rocking.solve_fpk`; or a function that is called as
-        ``task(scene, seed=seed, **options)`` and returns a dict of numbers, texts and lists. Return only what you need
-        of a result: rows are sent over the network and stored. Worker processes have to be able to import the function.
+        "mc" for `montecarlo.simulate`; "fpk" for `fpk_rocking.solve_fpk`; or a function that worker processes can
+        import, called as ``task(scene, seed=seed, **options)``. It returns a dict of numbers, texts and lists; return
+        only what you need, as rows are sent over the network and stored.
     workers : int or concurrent.futures.Executor
         1 runs one scene after the other, each on all processors. A larger number starts as many processes, each on one
         processor. An executor, such as that of a Dask cluster (``client.get_executor()``), runs one scene on each of
-        its processors. "mc" and "fpk" are compiled before the workers start.
+        its processors.
     seed : int
-        Seed of the random numbers, at least 0.
+        At least 0. The random numbers of a scene depend on this and its number in the sweep.
     store : path, optional
         Text file that keeps the rows as they come, by custom with the suffix .jsonl. Where it exists, the sweep goes on
-        from it: scenes may have been added at the end, all else has to be the same. A scene that failed is not run
-        again.
+        from it: scenes may have been added at the end, all else has to be the same. What failed is not run again.
     progress : callable, optional
         Called as ``progress(done, total)`` after each row. An exception that it raises ends the sweep.
     **options
-        Passed on: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes `cycles`
-        or `times`, `tol`, `bins_tol` (inf, as rows hold survival alone) and `noise_replacement`.
+        Of the task: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
+        `cycles` or `times`, `tol`, `bins_tol` (by default inf) and `noise_replacement`.
 
     Raises
     ------

@@ -8,14 +8,14 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike, Progress
-from fpk_rocking.base.precompilation import Task
+from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.density.filtered import REST
 from fpk_rocking.density.solver import DENSITY, solve_fpk
 from fpk_rocking.scene.least import kind_of
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import engine_of, engines_for
-from montecarlo.engines.batches import task_of
+from montecarlo.engines.batches import compilation_of
 from montecarlo.simulation import simulate
 
 
@@ -48,12 +48,12 @@ TASKS = {"mc": mc, "fpk": fpk}
 """Tasks of a sweep by name."""
 
 
-def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[Task]:
-    """Tasks of `base.precompilation` that compile what a task of `TASKS` calls for some scenes, sorted."""
-    names: set[Task] = set()
+def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[str, Any]) -> list[Compilation]:
+    """Compilations of the kernels that a task of `TASKS` needs for some scenes, sorted."""
+    names: set[Compilation] = set()
     for scene in scenes:
         if task is mc:
-            names.update(task_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
+            names.update(compilation_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
             tables = [DENSITY] + [REST] * ("filtered" in (scene.noise.kind, options.get("noise_replacement")))
             names.update(table[kind_of(scene.block)] for table in tables)
@@ -112,9 +112,9 @@ def check_paths(scene: Scene) -> int:
     return 10_000 if scene.forcing.dimensional else CHECK_PATHS
 
 
-def kernels_of_check(scene: Scene) -> list[Task]:
-    """Tasks of `base.precompilation` for a check of a scene's density: of paths, under band noise."""
-    return [task_of(engine_of(scene), scene)] if scene.noise.kind == "band" else []
+def kernels_of_check(scene: Scene) -> list[Compilation]:
+    """Compilations of the kernels that the check of a scene's density needs: of paths, under band noise."""
+    return [compilation_of(engine_of(scene), scene)] if scene.noise.kind == "band" else []
 
 
 class SlendernessCost(NamedTuple):

@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import map_threads, thread_count
-from fpk_rocking.base.precompilation import Task, start_helpers
+from fpk_rocking.base.precompilation import Compilation, start_helpers
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import ranges
@@ -79,7 +79,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
     `cycle`. `followed`: how many realizations before `first` were followed on to the fall; None follows none.
     """
     engine, period, alike = engine_of(run.scene, run.method), run.scene.period, run.scene.deterministic
-    start_helpers(task_of(engine, run.scene))
+    start_helpers(compilation_of(engine, run.scene))
     times = run.times if period is None else period * (cycle + np.arange(run.rows * samples + 1) / samples)
     if parameters is None:
         outputs = period * np.arange(1, samples + 1) / samples if run.scene.repeats else times[1:]
@@ -195,10 +195,10 @@ _SECONDS = {"exact_slender": 7, "exact_enveloped": 7, "exact_block": 9, "rk4": 7
 """What compiling takes, about, by the file of an engine; 2 more for a block that is not slender."""
 
 
-def task_of(engine, scene):
-    """Return the task that compiles an engine for the kind of block of a scene."""
+def compilation_of(engine, scene):
+    """Return the `Compilation` of an engine for the kind of block of a scene."""
     name, kind = engine.file.stem, kind_of(scene.block)
-    return Task(f"{__name__}:compile_engine:{name}:{kind}", _SECONDS[name] + 2 * (kind != "slender"))
+    return Compilation(f"{__name__}:compile_engine:{name}:{kind}", _SECONDS[name] + 2 * (kind != "slender"))
 
 
 def compile_engine(name, kind):

@@ -1,6 +1,8 @@
-"""A slender block under band noise with an envelope, η(τ) g(τ): carried by what the force adds over an interval.
+"""A slender block under band noise with an envelope, η(τ) g(τ); method "exact".
 
-As g has kinks the product is not band-limited, and P, the particular solution, is started anew in every interval.
+As `exact_slender`, but the state is (angle, velocity): homogeneous flight plus the tabulated response to noise and
+forcing within the interval. The envelope g has kinks, so that the product is not band-limited, and the particular
+solution starts from zero in every interval. All that concerns events and rest is `exact.PIECEWISE`.
 """
 
 import math
@@ -19,7 +21,7 @@ from montecarlo.engines.exact import PIECEWISE, has_envelope, is_eventless, tabl
 
 
 class Response(NamedTuple):
-    """Angle and velocity that are added to a flight over an interval."""
+    """Angle and velocity that noise and forcing add to a homogeneous flight over an interval."""
 
     noise: np.ndarray  # (order, 2, WIDTH), by the interpolant's polynomials times powers of the time
     forcing: np.ndarray  # (m, 2)

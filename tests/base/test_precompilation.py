@@ -13,13 +13,13 @@ import pytest
 
 from fpk_rocking import cli
 from fpk_rocking.base import jit, precompilation
-from fpk_rocking.base.precompilation import Task
+from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.density.filtered import REST
 from fpk_rocking.density.solver import DENSITY, FREE_FLIGHT
 from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo.engines import engine_of, engines_for, exact_slender, rk4, white
-from montecarlo.engines.batches import task_of
+from montecarlo.engines.batches import compilation_of
 
 ROOT = pathlib.Path(__file__).parents[2]
 CLI = (sys.executable, "-m", "fpk_rocking.cli")
@@ -46,13 +46,13 @@ Dispatcher.compile = noted
 from fpk_rocking import cli
 from fpk_rocking.base import precompilation
 
-precompilation.run_task(precompilation.Task(sys.argv[1], 0))
-assert touched, "the task is at work with no kernel"
+precompilation.run_compilation(precompilation.Compilation(sys.argv[1], 0))
+assert touched, "the compilation is at work with no kernel"
 touched.clear()
 cli.main(sys.argv[2:])
 sys.stderr.write(f"compiled or loaded {touched}")
 """
-"""A task, and then a command: which kernels the command asks for that the task has not."""
+"""A compilation, and then a command: which kernels the command asks for that the compilation has not."""
 
 COUNT = """
 import sys
@@ -111,11 +111,11 @@ sys.exit(str([name for name in {heavy!r} if name in sys.modules]))
 
 
 BAND = least_scenes("slender")["band"]
-WHITE = task_of(white.ENGINE, least_scenes("slender")["white"])
+WHITE = compilation_of(white.ENGINE, least_scenes("slender")["white"])
 
 
-def runnable(task):
-    module, function, *_ = task.name.split(":")
+def runnable(compilation):
+    module, function, *_ = compilation.name.split(":")
     return callable(getattr(importlib.import_module(module), function))
 
 
@@ -128,23 +128,23 @@ def test_every_call_has_its_task():
         named.update(kernels_of(TASKS["mc"], scenes.values(), {}))
         assert len(named) == (6 if kind == "slender" else 5)
         assert all(map(runnable, named))
-    assert all(map(runnable, cli.warmup_tasks()))
+    assert all(map(runnable, cli.warmup_compilations()))
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_engine_that_takes_a_kind_of_block_has_a_least_scene(kind):
-    """The task of an engine simulates the first scene that it takes, which must not be one of another engine."""
+    """The compilation of an engine simulates the first scene that it takes, which must not be one of another engine."""
     scenes = least_scenes(kind).values()
     engines = {engine for scene in scenes for engine in engines_for(scene)}
     assert len(engines) == (5 if kind == "slender" else 4)
     for engine in engines:
         scene = next(scene for scene in scenes if engine.takes(scene))
         assert engine_of(scene, engine.method) is engine
-        assert kind == "unequal" or task_of(engine, scene) in cli.warmup_tasks()
+        assert kind == "unequal" or compilation_of(engine, scene) in cli.warmup_compilations()
 
 
 @pytest.mark.parametrize(
-    ("task", "asked"),
+    ("compilation", "asked"),
     [
         pytest.param(
             DENSITY["slender"],
@@ -157,15 +157,17 @@ def test_every_engine_that_takes_a_kind_of_block_has_a_least_scene(kind):
             marks=pytest.mark.slow,
         ),
         (WHITE, ["mc", "--method", "white", "--cycles", "2"]),
-        (task_of(exact_slender.ENGINE, BAND), ["mc", "--method", "exact", "--cycles", "2"]),
-        pytest.param(task_of(rk4.ENGINE, BAND), ["mc", "--method", "rk4", "--cycles", "2"], marks=pytest.mark.slow),
+        (compilation_of(exact_slender.ENGINE, BAND), ["mc", "--method", "exact", "--cycles", "2"]),
+        pytest.param(
+            compilation_of(rk4.ENGINE, BAND), ["mc", "--method", "rk4", "--cycles", "2"], marks=pytest.mark.slow
+        ),
     ],
 )
-def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
+def test_a_compilation_compiles_all_that_a_command_needs(compilation, asked, scene):
     """In one process, which asks for every kernel and signature once, be it on the disk or not."""
-    if task.name.endswith("exact"):
+    if compilation.name.endswith("exact"):
         pathlib.Path(scene).write_text(SCENE + "block.critical_angle = 0.1\n", encoding="utf-8")
-    command = [sys.executable, "-c", TOUCH, task.name, asked[0], scene, *asked[1:]]
+    command = [sys.executable, "-c", TOUCH, compilation.name, asked[0], scene, *asked[1:]]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
     assert done.stderr == "compiled or loaded []"
 
@@ -173,7 +175,7 @@ def test_a_task_compiles_all_that_a_command_needs(task, asked, scene):
 @pytest.mark.slow
 def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
     """Else a helper works in vain: what it has compiled must be what the solver calls."""
-    code = f"from fpk_rocking.base import precompilation as p; p.run_task(p.Task{tuple(FREE_FLIGHT)})"
+    code = f"from fpk_rocking.base import precompilation as p; p.run_compilation(p.Compilation{tuple(FREE_FLIGHT)})"
     run([sys.executable, "-c", code], tmp_path)
     done = run([sys.executable, "-c", COUNT, "fpk", scene, "--no-check", "--cycles", "1"], tmp_path)
     compiled = done.stderr.rpartition("compiled ")[2]
@@ -198,7 +200,7 @@ def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
 from fpk_rocking.base import precompilation
 from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.impact import chatter_time
-precompilation.start_helpers(precompilation.Task("fpk_rocking.physics.motion.impact:chatter_time", 7))
+precompilation.start_helpers(precompilation.Compilation("fpk_rocking.physics.motion.impact:chatter_time", 7))
 answer = chatter_time(0.25, 1, 0.0, KernelBlock(0.0, 1.5))
 print(answer, *(sum(made.stats.cache_misses.values()) for made in chatter_time.for_types.values()))
 """
@@ -247,9 +249,13 @@ def test_an_interrupted_warmup_ends_at_once_with_its_helpers(tmp_path):
 
 
 def test_warmup_runs_all_tasks_and_says_which_failed(capsys):
-    tasks = [Task("fpk_rocking.scene.least:kind_of", 1), Task("math:sqrt:4", 1), Task("platform:node", 1)]
+    compilations = [
+        Compilation("fpk_rocking.scene.least:kind_of", 1),
+        Compilation("math:sqrt:4", 1),
+        Compilation("platform:node", 1),
+    ]
     with pytest.raises(OSError, match="2 of 3 parts were not compiled"):
-        cli.compile_ahead(tasks)
+        cli.compile_ahead(compilations)
     said = capsys.readouterr().err.splitlines()
     assert said[0].startswith("compiling machine code for this machine: about")
     failed = {line.removeprefix("fpk-rocking warmup: not compiled: ") for line in said[1:]}
@@ -271,19 +277,19 @@ def test_a_kernel_that_another_calls_can_be_called_from_python_too():
 
 
 def test_helpers_share_what_a_call_will_need():
-    tasks = [Task(name, 1) for name in "abc"]
-    assert precompilation.shares(tasks, 0) == []
-    assert precompilation.shares(tasks, 1) == [tasks]
-    assert precompilation.shares(tasks, 2) == [[tasks[0], tasks[2]], [tasks[1]]]
-    assert precompilation.shares(tasks[:1], 9) == [tasks[:1]]
+    compilations = [Compilation(name, 1) for name in "abc"]
+    assert precompilation.shares(compilations, 0) == []
+    assert precompilation.shares(compilations, 1) == [compilations]
+    assert precompilation.shares(compilations, 2) == [[compilations[0], compilations[2]], [compilations[1]]]
+    assert precompilation.shares(compilations[:1], 9) == [compilations[:1]]
 
 
 def test_a_process_says_once_that_it_compiles(tmp_path):
     """And only the first one on a machine."""
     code = """
-from fpk_rocking.base.precompilation import Task, start_helpers
+from fpk_rocking.base.precompilation import Compilation, start_helpers
 for name in ("processors", "start_no_helpers"):
-    start_helpers(Task(f"fpk_rocking.base.precompilation:{name}", 3))
+    start_helpers(Compilation(f"fpk_rocking.base.precompilation:{name}", 3))
 """
     said = [run([sys.executable, "-c", code], tmp_path).stderr for _ in range(3)]
     assert said[0] == "compiling machine code for this machine, once: about 3 s\n"

@@ -10,7 +10,7 @@ import scipy
 from fpk_rocking import Record
 from fpk_rocking.risk import Calibration, calibrated, synthetic_records
 from fpk_rocking.risk.calibration import FINER, NODES, PRIOR, block_scene, block_scenes, outcomes_of
-from fpk_rocking.risk.drawing import concentrated
+from fpk_rocking.risk.inputs import concentrated
 from montecarlo import simulate
 
 ALPHA, RATE, BOUNCE, SCATTER = 0.08, 5.0, 0.85, 0.2

@@ -20,7 +20,7 @@ from fpk_rocking.studies.execution import seed_of
 from fpk_rocking.studies.tasks import TASKS, kernels_of
 from montecarlo import simulate
 from montecarlo.engines import engine_of
-from montecarlo.engines.batches import task_of
+from montecarlo.engines.batches import compilation_of
 
 
 def rows_without_seconds(rows):
@@ -87,7 +87,7 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
     assert compiled == []
     with Pool(1) as pool:
         assert sweep(**asked, workers=pool).failed == ()
-    assert pool.before == [task_of(engine_of(scene), scene) for scene in asked["scenes"]]
+    assert pool.before == [compilation_of(engine_of(scene), scene) for scene in asked["scenes"]]
 
 
 def test_kernels_are_those_of_the_engines_that_will_run():

@@ -66,7 +66,7 @@ class TransientForcing(Forcing):
         return particular_series(p, q, self.series(times))
 
     def particular_over(self, start: float, duration: float) -> Array:
-        """Coefficients of P over a step; if it has kinks, of the linear force under which flights are the same."""
+        """Coefficients of P over a step; with kinks in it, of a linear force that ends flights in the same state."""
         first, last = (
             int(np.floor(time / self.unit + shift)) for time, shift in ((start, 1e-6), (start + duration, -1e-6))
         )

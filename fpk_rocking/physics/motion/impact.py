@@ -1,4 +1,4 @@
-"""The impact law v⁺ = e v⁻ at zero angle (paper 3), its derivative, and the chatter that ends in rest.
+"""The impact law v⁺ = e v⁻ at zero angle (paper eq. 3), its derivative, and the chatter that ends in rest.
 
 The side is a number s, by which angles and forces are multiplied: +1 where the angle is positive, -1 where it is
 negative and 0 for a block at rest. The law itself stands in `velocity_after_impact`; `velocity_jump`, the saltation
@@ -51,10 +51,11 @@ def chatter_time(speed, side, force, block):
 
 
 class LinearizedImpact(NamedTuple):
-    """An impact of an undisturbed path and its motion next to it, as of x: by it displacements are carried through.
+    """Velocities, accelerations and their derivatives just before and just after an impact of a reference path.
 
-    `speed`, `leaving`: velocity just before and after; `pull`, `far_pull`: acceleration; `stiff`, `far_stiff`: its
-    derivative by the angle; `jerk`: rate at which the forcing changes it.
+    `speed`, `leaving`: velocity before and after; `pull`, `far_pull`: acceleration before and after; `stiff`,
+    `far_stiff`: its derivatives by the angle; `jerk`: its rate of change by the forcing. All are of the angle x itself,
+    not folded. Displacements from the path are carried through the impact by these.
     """
 
     speed: float
@@ -68,7 +69,7 @@ class LinearizedImpact(NamedTuple):
 
 @kernel
 def linearize_impact(speed, side, force, slope, block):
-    """`LinearizedImpact` at the velocity `speed` that leaves `side`, under f and its slope."""
+    """`LinearizedImpact` of a path that comes from `side` with the velocity `speed`, under f and its slope."""
     return LinearizedImpact(
         speed, velocity_after_impact(speed, restitution_from(side, block)),
         side * acceleration(0.0, side, force, block), -side * acceleration(0.0, -side, force, block),

@@ -1,4 +1,4 @@
-"""A slender block through an interval of a grid, fast.
+"""A slender block through an interval of a grid, fast, for the engine `montecarlo.engines.exact_slender`.
 
 An impact between two grid points is met by Halley's iteration on the flight written as a polynomial, and accepted only
 where a bound of the acceleration proves that it is the first event and the only one. Everything else, slow and repeated
@@ -78,11 +78,12 @@ def state_at_begin(particular, half, grow, decay, side):
 
 
 @kernel(forceinline=True)
-def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, origin):
-    """(grow, decay, u, side, time) at the end of an interval in which a slender block may have an event.
+def cross_interval(interval, node, grow, decay, folded_begin, folded_end, side, block, impacts, origin):
+    """(grow, decay, folded angle, side, time) at the end of an interval in which a slender block may have an event.
 
-    `node` is P at the interval's end, `u` and `end` are s x at its start and at its end if nothing happens, `origin` is
-    the time of its middle; `time` is that of overturning within it, or inf. `grow` and `decay` are not used at rest.
+    `node` is P at the interval's end. `folded_begin` is the folded angle s x at its start, `folded_end` that at its end
+    if nothing happens. `origin` is the time of its middle; `time` is that of overturning within it, or inf. `grow` and
+    `decay` are not used at rest.
     """
     half, factor, cutoff = interval.half, interval.factor, block.cutoff
     x, v, begin = 0.0, 0.0, -half
@@ -90,12 +91,16 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
         middle_grow, middle_decay = grow * factor, decay / factor
         _fold(interval, middle_grow, middle_decay, float(side))
         fall, rise = curvature_bounds(interval.folded, interval.bend)
-        if end > 0.0 and u > 0.0 and chord_excludes_event(u, end, 4.0 * half * half, rise, fall, cutoff):
-            return middle_grow * factor, middle_decay / factor, end, side, math.inf
-        time, slope = downward_root(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
+        if (
+            folded_end > 0.0
+            and folded_begin > 0.0
+            and chord_excludes_event(folded_begin, folded_end, 4.0 * half * half, rise, fall, cutoff)
+        ):
+            return middle_grow * factor, middle_decay / factor, folded_end, side, math.inf
+        time, slope = downward_root(interval.folded, half) if folded_begin > 0.0 >= folded_end else (0.0, 0.0)
         speed, square = -velocity_after_impact(slope, block.restitution), (time + half) ** 2
         # Slower impacts go to the search for events, which decides about chatter.
-        if speed > 1e-4 and u >= rise * square and u + 0.25 * fall * square < cutoff:
+        if speed > 1e-4 and folded_begin >= rise * square and folded_begin + 0.25 * fall * square < cutoff:
             v = side * slope
             record_impact(impacts, origin + time, v)
             shift, shrink = 0.5 * velocity_jump(v, block.restitution), math.exp(-time)
@@ -103,11 +108,11 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
             middle_decay += (side - shift) / shrink
             side = -side
             grow, decay = middle_grow * factor, middle_decay / factor
-            old, end = end, folded_angle(side, node, grow, decay)
+            old, folded_end = folded_end, folded_angle(side, node, grow, decay)
             # Seen from the new side, u'' is that of the old flight turned round, plus the sum of both angles less 2.
             rise, fall = max(1.01 * fall + 0.5 * cutoff - 1.0, 0.0), 1.01 * rise + 1.0 - 0.5 * old
-            if end > 0.0 and chord_excludes_event(0.0, end, (half - time) ** 2, rise, fall, cutoff):
-                return grow, decay, end, side, math.inf
+            if folded_end > 0.0 and chord_excludes_event(0.0, folded_end, (half - time) ** 2, rise, fall, cutoff):
+                return grow, decay, folded_end, side, math.inf
             v, begin = velocity_after_impact(v, block.restitution), time
         else:
             x, v = state_at_begin(interval.particular, half, grow, decay, side)

@@ -1,4 +1,4 @@
-"""Shinozuka noise (paper 4): a sum of N harmonics with random frequencies and phases, at any time or on a uniform grid.
+"""Shinozuka noise (paper eq. 4): N harmonics of random frequencies and phases, at any time or on a uniform grid.
 
     eta(t) = sigma sqrt(2/N) sum cos(nu_n t + phi_n)
 

@@ -58,7 +58,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
             return 4.0 * noise.variance * float(weights @ np.square(cosine))
         low, high = noise.band
         width = high - low
-        # The two differences of (15) divided by the width in closed form, so that a narrow band loses no digits.
+        # The two differences of eq. 15 divided by the width in closed form, so that a narrow band loses no digits.
         arcs = math.atan2(width, 1.0 + low * high) / width
         ratios = (1.0 - low * high) / ((1.0 + low * low) * (1.0 + high * high))
         return 2.0 * noise.variance * (arcs + ratios)
@@ -132,10 +132,10 @@ def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
 def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0.0) -> Number:
     """Weight of a frequency in the diffusion that a realization stands for, with the jump of velocity kept.
 
-    A block that passes the impact leaves x = 0 with e times the velocity it arrived with. The transform of that motion,
-    squared, is [(1+e)² + (1-e)²ω²]/(1+ω²)²; over 1 + e² it weighs white noise of diffusion D such that D = ∫ G(ω)
-    response dω (derived in docs/theory, "Noise"). At e = 1 it is the kernel of (15), 2/(1+ω²)². For α > 0 the same is
-    made of the kernel before and after the impact; it is then right to first order in the noise.
+    A block that passes the impact leaves x = 0 with e times the velocity it arrived with. The squared transform of that
+    motion is [(1+e)² + (1-e)²ω²]/(1+ω²)². The response is this over 1 + e²: a realization with the spectrum G stands
+    for white noise of the diffusion D = ∫ G(ω) response dω (derived in docs/theory, "Noise"). At e = 1 it is K̂²/2. For
+    α > 0 it is made of the kernel before and after the impact, and right to first order in the noise.
     """
     e, square = restitution, np.square(frequency)
     if checked_angle(critical_angle) > 0.0:
