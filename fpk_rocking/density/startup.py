@@ -48,6 +48,7 @@ class StartUp:
         self.longest = period + self._waiting
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
+        self._still = not self._initial.mean.any() and not self._initial.covariance.any()
         self._side = 1 if (x or v or dynamics.force(0.0)) > 0.0 else -1
         self._exact = dynamics.block.critical_angle is not None
         self._flight = exact_flight(self._initial, dynamics, self._side) if self._exact else None
@@ -59,8 +60,7 @@ class StartUp:
     @property
     def starts_at_rest(self):
         """Whether the block is at rest at the start and the forcing does not lift it off then: a bool."""
-        still = not self._initial.mean.any() and not self._initial.covariance.any()
-        return still and self.dynamics.rest_gap(0.0) >= 0.0
+        return self._still and self.dynamics.rest_gap(0.0) >= 0.0
 
     def flight(self, time):
         """Return the `Gaussian` of angle and velocity at a `time` τ, nondimensional, if there was no event before."""
@@ -158,6 +158,9 @@ class StartUp:
     def _on_patch(self, time):
         """Return the `PatchDensity` at a `time` of the Gaussian of an eventless flight, on a patch of its own."""
         gaussian, cutoff = self.flight(time), self.dynamics.block.cutoff
+        if self._still:
+            # So early noise beats drift: the block is on either side half of the time, and so is its mean pulled back.
+            gaussian = Gaussian(self.dynamics.affine(0.0, time).shifts[[1, -1]].mean(axis=0), gaussian.covariance)
         patch = patch_of(self.settings, gaussian.mean, gaussian.covariance, cutoff)
         coefficients, tails = patch.project(gaussian, self.settings.points + 1), gaussian.tails(cutoff)
         missing = 1.0 - sum(tails) - patch.masses(coefficients).sum()
@@ -169,8 +172,8 @@ class StartUp:
     def _last_gaussian_time(self):
         """Return the last time, a float, until which the density is a Gaussian that nothing has disturbed."""
         initial, least = self._initial, 1e-9 * self._cycle
-        if not initial.mean.any() and not initial.covariance.any():
-            return min(self.settings.early * _drift_time(self.dynamics), TUNING.first_patch)
+        if self._still:
+            return self.settings.early * _drift_time(self.dynamics)
         quiet = 0.0 if initial.covariance.any() else least
         for time in np.geomspace(least, TUNING.closed_form_part * self.longest, 100):
             gaussian = self.flight(time)

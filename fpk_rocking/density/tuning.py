@@ -164,9 +164,6 @@ class Tuning(NamedTuple):
     """The same, where the patches would otherwise have to follow the density through an event."""
     closed_form_part: float = 0.75
     """Part of the time to the main mesh, or of a cycle, up to which an undisturbed Gaussian is taken in closed form."""
-    first_patch: float = 3e-4
-    """Latest time τ until which a start at rest is taken as a flight in which nothing happens, though it is through
-    x = 0 from the first moment: ten times as long shifts a thousandth from one side to the other."""
     rattle_step: float = 0.25
     """Longest step next to rest, over growth, in units of the time in which noise lifts the block off."""
     lifted_step: float = 0.4
