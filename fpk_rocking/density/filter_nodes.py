@@ -265,7 +265,11 @@ def exact_moments(dynamics, nodes, mean, covariance, end, side):
     begin = np.eye(size)
     begin[:2, :2] = covariance
     states = np.concatenate([mean, begin.ravel()])
-    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
+    # Of a narrow start under weak noise all variances are small: what counts as 0 is so in their own units.
+    own = np.minimum(np.maximum(np.sqrt(np.diag(covariance)), nodes.sigma), 1.0)
+    units = np.append(own, np.ones(size - 2))
+    small = 1e-14 * np.concatenate([np.ones(2), np.outer(units, units).ravel()])
+    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=small, dense_output=True).sol
     return lambda time: (moments_at(time)[:2], moments_at(time)[2:].reshape(size, size))
 
 

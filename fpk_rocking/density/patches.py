@@ -94,6 +94,7 @@ def exact_flight(gaussian: Gaussian, dynamics: Dynamics, end, side):
             coarse = _runge_kutta(rates, begin, state, slopes[-1], step)
             middle, half = begin + 0.5 * step, _runge_kutta(rates, begin, state, slopes[-1], 0.5 * step)
             fine = _runge_kutta(rates, middle, half, rates(middle, half), 0.5 * step)
+            # 1e-30 only avoids 0/0: no variance of a start is below 1e-24.
             error = (np.abs(fine - coarse) / (1e-9 * np.maximum(np.abs(fine), np.abs(state)) + 1e-30)).max()
             if error <= 1.0:
                 times.append(begin + step)

@@ -1,5 +1,6 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start to the wanted times and to a tolerance."""
 
+import dataclasses
 import math
 import sys
 import time
@@ -109,8 +110,11 @@ def solve_fpk(
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
-    solved = _with_noise_replaced(scene, noise_replacement)
-    white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
+    replaced = _with_noise_replaced(scene, noise_replacement)
+    advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"
+    # Meshes, steps and thresholds go by D: it is that of the noise at its peak.
+    white = _at_unit_peak(replaced.white_equivalent())
+    solved = replaced if filtered else white
     start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
 
     motion = explore(white, times)
@@ -143,8 +147,8 @@ def solve_fpk(
     unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
     result = Evolution(
         scene=scene,
-        diffusion=white.noise.diffusion,
-        noise_replacement=describe_replacement(scene, solved),
+        diffusion=replaced.white_equivalent().noise.diffusion,
+        noise_replacement=describe_replacement(scene, replaced),
         tol=tol,
         times=times,
         survival=fine.survival,
@@ -211,6 +215,12 @@ def _with_noise_replaced(scene, noise_replacement):
     refuse_unsolvable(scene)
     refuse_slow(scene)
     return scene
+
+
+def _at_unit_peak(white):
+    """Return a scene with the same white noise by an envelope whose largest value is 1."""
+    noise = white.noise.with_unit_peak
+    return white if noise is white.noise else dataclasses.replace(white, noise=noise)
 
 
 def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagator | FilteredPropagator]:

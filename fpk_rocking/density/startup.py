@@ -252,6 +252,7 @@ def takeover_step(startup: StartUp, space: Space, edges, settled=None):
 
 def _drift_time(dynamics: Dynamics):
     """Time at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    # An instant: times are over 1/p, and neither force nor envelope changes in 1e-9 of that.
     dynamics = dynamics.averaged_over(0.0, 1e-9)
     drift = abs(dynamics.rest_gap(0.0))
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf

@@ -94,7 +94,7 @@ def cross_interval(interval, node, grow, decay, u, end, side, block, impacts, or
             return middle_grow * factor, middle_decay / factor, end, side, math.inf
         time, slope = downward_root(interval.folded, half) if u > 0.0 >= end else (0.0, 0.0)
         speed, square = -velocity_after_impact(slope, block.restitution), (time + half) ** 2
-        # Slower impacts go to the search for events, which decides about chatter.
+        # Slower impacts go to the search for events, which decides about chatter: the limit costs time at most.
         if speed > 1e-4 and u >= rise * square and u + 0.25 * fall * square < cutoff:
             v = side * slope
             record_impact(impacts, origin + time, v)
