@@ -39,6 +39,7 @@ os._exit(0)
 
 _helpers: list[subprocess.Popen | None] = []
 _queued: list[Task] = []
+_announced: list[Task] = []
 
 
 def run_task(task: Task) -> None:
@@ -67,10 +68,22 @@ def start_helpers(task: Task, *helping: Task) -> None:
     """
     if _helpers or multiprocessing.parent_process() is not None or _is_compiled(task):
         return
-    sys.stderr.write(f"compiling machine code for this machine, once: about {task.seconds} s\n")
+    from fpk_rocking.base import jit
+
+    kept = "once" if jit.keeps_machine_code() else "which no folder keeps (set NUMBA_CACHE_DIR)"
+    sys.stderr.write(f"compiling machine code for this machine, {kept}: about {task.seconds} s\n")
     left = [other for other in (*helping, *_queued) if not _is_compiled(other)]
     _helpers.extend([start_process(*share) for share in shares(left, processors() - 1)] or [None])
-    _mark_compiled(task)
+    _announced.append(task)
+
+
+def mark_announced() -> None:
+    """Mark on the disk what `start_helpers` announced: the call that needed it has come to its end.
+
+    Until then it is not marked, so that after an interruption the next run says again that it compiles.
+    """
+    while _announced:
+        _mark_compiled(_announced.pop())
 
 
 def shares(tasks: Sequence[Task], processes: int) -> list[Sequence[Task]]:

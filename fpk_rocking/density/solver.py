@@ -10,7 +10,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress, not_none
-from fpk_rocking.base.precompilation import Task, start_helpers
+from fpk_rocking.base.precompilation import Task, mark_announced, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
 from fpk_rocking.density.filter_nodes import filtered_discretization, spread_left
 from fpk_rocking.density.filtered import REST, FilteredPropagator
@@ -140,6 +140,7 @@ def solve_fpk(
         return refined.within(tol, bins_tol) or _is_stagnated(refined)
 
     refined = refine(meshes, solve, fits, is_done, coarser)
+    mark_announced()
 
     fine = refined.solutions[-1]
     propagator = fine.propagator

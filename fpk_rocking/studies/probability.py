@@ -255,7 +255,9 @@ def probability(
     rtol : float, optional
         Wanted error in parts of the probability, above 0. With both, the larger error is enough.
     limit_s : float
-        Seconds that the call may take. ValueError before the work begins where more are predicted.
+        Seconds of sampling or solving that are accepted. ValueError before the work begins where more are predicted.
+        Machine code that is compiled the first time on a machine comes on top, up to some minutes on a slow one
+        (``fpk-rocking warmup`` makes it ahead), as does what a busy machine takes longer than predicted.
     seed : int
         Seed of the random numbers, from 0 to 2**64 - 1.
     progress : callable, optional
