@@ -233,7 +233,8 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     Raises
     ------
     TypeError, ValueError
-        One is not a result of survival; the scenes differ in restitution, forcing, start or overturning, or one result has no such cycle.
+        One is not a result of survival; the scenes differ in restitution, forcing, start or overturning, or one result
+        has no such cycle.
 
     Examples
     --------

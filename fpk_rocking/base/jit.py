@@ -184,7 +184,7 @@ class Kernel:
             return self.for_types[types]
 
     def _open_folder(self, stack):
-        """Have numba keep machine code in this kernel's folder, locked, until the `stack` ends; whether there is one."""
+        """Have numba keep machine code in this kernel's folder, locked, until `stack` ends; whether there is one."""
         try:
             folder = cache_folder(self._file)
             folder = folder if _is_writable(folder) else _copy_of(folder)

@@ -156,7 +156,12 @@ def test_each_version_of_numba_keeps_its_own_machine_code(package, tmp_path):
     """Else one discards what another one has kept, and what is marked as compiled is compiled without a word."""
     other = 'import numba\nnumba.__version__ = "0.0.1"\n'
     folder = {"NUMBA_CACHE_DIR": str(tmp_path / "chosen")}
-    assert [run(package, first, **folder) for first in ("", other, "", other)] == [(0.5, 0), (0.5, 0), (0.5, 1), (0.5, 1)]
+    assert [run(package, first, **folder) for first in ("", other, "", other)] == [
+        (0.5, 0),
+        (0.5, 0),
+        (0.5, 1),
+        (0.5, 1),
+    ]
 
 
 BORROWED = """

@@ -125,7 +125,7 @@ def test_a_cycle_that_is_named_twice_is_one_entry(tmp_path):
 def test_what_is_no_result_is_refused_before_a_file_is_written(tmp_path, result, named):
     with pytest.raises(TypeError, match=f"^{named}: got .*, accepted: SurvivalResult"):
         vtk.write_series(tmp_path, "jpdf", result, [1])
-    with pytest.raises(ValueError, match="^cycles: got 99"):
+    with pytest.raises(ValueError, match=r"^cycles: got 99"):
         vtk.write_series(tmp_path, "jpdf", DENSITY, [1, 99])
     assert not list(tmp_path.iterdir())
 
