@@ -4,6 +4,8 @@
 VENV := .venv
 PEERS := .venv-peers
 INTEROP := .venv-interop
+FLOORS := .venv-floors
+NEWEST := .venv-newest
 BIN := $(VENV)/bin
 CORE := $(VENV)/.installed
 STAMP := $(VENV)/.installed-all
@@ -13,7 +15,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run gallery test slow mutants docs wheel bench bench-full peers interop lint clean
+.PHONY: help install run gallery test floors newest slow mutants docs wheel bench bench-full peers interop lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -30,6 +32,13 @@ gallery: $(STAMP)  ## every figure, into docs/gallery, about half an hour
 
 test: $(STAMP)  ## the test suite, without the slow tests
 	$(BIN)/python -m pytest -n auto --dist worksteal
+
+TESTS := tests
+floors: $(FLOORS)/.installed  ## the test suite with the lowest versions that pyproject.toml allows (TESTS=tests/physics)
+	NUMBA_CACHE_DIR=$(FLOORS)/cache $(FLOORS)/bin/python -m pytest -n auto --dist worksteal $(TESTS)
+
+newest: $(NEWEST)/.installed  ## the test suite with the newest versions, nothing pinned (TESTS=tests/physics)
+	NUMBA_CACHE_DIR=$(NEWEST)/cache $(NEWEST)/bin/python -m pytest -n auto --dist worksteal $(TESTS)
 
 slow: $(STAMP)  ## the slow tests: large samples, fine meshes, figures as they are published
 	$(BIN)/python -m pytest -n auto --dist worksteal -m slow
@@ -72,7 +81,7 @@ lint: $(STAMP)  ## ruff: rules and format; mypy: types
 	$(BIN)/mypy
 
 clean:  ## remove environments, caches and results
-	rm -rf $(VENV) $(PEERS) $(INTEROP) build dist results .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PEERS) $(INTEROP) $(FLOORS) $(NEWEST) build dist results .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
@@ -105,4 +114,32 @@ $(INTEROP)/.installed: $(STAMP) constraints-interop.txt
 	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt hatchling
 	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt --no-deps openquake.engine
 	$(INTEROP)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints-interop.txt --no-build-isolation -e '.[interop]'
+	@touch $@
+
+# The lowest versions have wheels for no newer Python than 3.12.
+FLOOR_PYTHON ?= python3.12 python3.11 python3
+$(FLOORS)/.installed: pyproject.toml
+	@for python in $(FLOOR_PYTHON); do \
+	    if "$$python" -c 'import sys; assert (3, 11) <= sys.version_info < (3, 13)' 2>/dev/null; then \
+	        exec "$$python" -m venv --clear $(FLOORS); \
+	    fi; \
+	done; \
+	echo "No Python 3.11 or 3.12 among: $(FLOOR_PYTHON). Name one: make FLOOR_PYTHON=/path/to/python floors" >&2; exit 1
+	@$(FLOORS)/bin/python -c 'import pathlib, re, tomllib; \
+	project = tomllib.loads(pathlib.Path("pyproject.toml").read_text())["project"]; \
+	more = project["optional-dependencies"]; \
+	asked = [*project["dependencies"], *more["frames"], *more["view"], *more["cluster"], *more["test"]]; \
+	print(*dict.fromkeys(re.sub(">=(.*)", r"==\1.*", one) for one in asked if not one.startswith("mypy")), sep="\n")' \
+	    > $(FLOORS)/lowest.txt
+	$(FLOORS)/bin/python -m pip install --quiet --disable-pip-version-check hatchling -r $(FLOORS)/lowest.txt
+	$(FLOORS)/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(NEWEST)/.installed: pyproject.toml
+	@for python in $(PYTHON); do \
+	    if "$$python" -c '$(FITS)' 2>/dev/null; then exec "$$python" -m venv --clear $(NEWEST); fi; \
+	done; exit 1
+	$(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check hatchling
+	$(NEWEST)/bin/python -m pip install --quiet --disable-pip-version-check --upgrade --no-build-isolation \
+	    -e '.[cluster,frames,test,view]'
 	@touch $@

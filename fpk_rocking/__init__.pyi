@@ -24,6 +24,6 @@ from fpk_rocking.scene import Start as Start
 from fpk_rocking.scene import StateSpace as StateSpace
 from fpk_rocking.scene import WhiteNoise as WhiteNoise
 from fpk_rocking.scene import load_scene as load_scene
-from fpk_rocking.studies.overturning import probability as probability
+from fpk_rocking.studies.probability import probability as probability
 
 __version__: str

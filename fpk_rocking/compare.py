@@ -217,7 +217,8 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     Raises
     ------
     TypeError, ValueError
-        The scenes differ in restitution, forcing, start or overturning, or one result has no such cycle.
+        One is not a result of survival; the scenes differ in restitution, forcing, start or overturning, or one result
+        has no such cycle.
 
     Examples
     --------
@@ -229,6 +230,8 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     >>> print(f"{both.difference[4]:.3f} ± {both.standard_error[4]:.3f}")
     0.001 ± 0.011
     """
+    for name, result in (("first", first), ("second", second)):
+        checks.instance(name, result, SurvivalResult)
     results, cycles = (first, second), min(len(first.times), len(second.times)) - 1
     common_rows = slice(0, cycles + 1)
     _refuse_other_scenes(first.scene, second.scene)

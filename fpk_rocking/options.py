@@ -60,7 +60,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
                         fragility 0.01)
 --rtol X:float          wanted error in parts of the probability; with --tol too, the larger error is enough
---limit S:float         seconds that it may take; what is predicted to take longer is refused (default 600)
+--limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
 --bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
                         for a pulse or a record, and with inf: any)
 --noise-replacement NAME  what replaces band noise in the density solver: white (default), or filtered, which lets

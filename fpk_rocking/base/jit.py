@@ -8,6 +8,7 @@ Kernels release the interpreter lock, so threads of the standard library serve. 
 variable NUMBA_NUM_THREADS, by default the number of processors. Work is parted such that no result depends on it.
 """
 
+import atexit
 import concurrent.futures
 import contextlib
 import contextvars
@@ -18,6 +19,8 @@ import math
 import os
 import pathlib
 import re
+import shutil
+import tempfile
 import threading
 
 import numba
@@ -39,7 +42,10 @@ def _cache_root() -> pathlib.Path:
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     if chosen:
         return pathlib.Path(chosen)
-    return pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "fpk-rocking"
+    try:
+        return pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "fpk-rocking"
+    except RuntimeError as error:  # a user without a home
+        raise FileNotFoundError("this user has no home folder, and NUMBA_CACHE_DIR names no other one") from error
 
 
 @functools.cache
@@ -70,12 +76,46 @@ def _imported_files(path):
 def cache_folder(path: pathlib.Path) -> pathlib.Path:
     """Return the path of the folder for the machine code of a source file at `path`.
 
-    It is named after a digest of the file's text and that of what it imports.
+    It is named after a digest of the file's text, of that of what it imports, and of numba's version, each of which
+    discards what another one has kept. OSError where the user has no folder for it.
     """
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(source_files(path)):
         digest.update(source.name.encode() + b"\0" + source.read_bytes())
     return _cache_root() / digest.hexdigest()[:16]
+
+
+def _is_writable(folder):
+    """Whether files can be written to a `folder`, which is made if it is missing."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            return True
+    except OSError:
+        return False
+
+
+@functools.cache
+def _copy_of(folder):
+    """Return the path of a copy, until the process ends, of a `folder`: numba reads from none that it cannot write."""
+    copy = pathlib.Path(tempfile.mkdtemp(prefix="fpk-rocking-"))
+    atexit.register(shutil.rmtree, copy, ignore_errors=True)
+    return shutil.copytree(folder, copy, dirs_exist_ok=True, copy_function=shutil.copyfile)
+
+
+def _remove_machine_code(folder):
+    """Remove all machine code in a `folder`; a process that is about to read it compiles instead."""
+    for path in (*folder.rglob("*.nbi"), *folder.rglob("*.nbc")):
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+def keeps_machine_code():
+    """Whether this user has a folder in which machine code outlasts the process."""
+    try:
+        return _is_writable(cache_folder(pathlib.Path(__file__).resolve()))
+    except OSError:
+        return False
 
 
 def kernel(function=None, *, file=None, **options):
@@ -135,21 +175,42 @@ class Kernel:
         with _compiling, contextlib.ExitStack() as stack:
             if types in self.for_types:
                 return self.for_types[types]
-            folder, kept = cache_folder(self._file), False
-            # Where the folder cannot be written to, nothing is kept there, and there is nothing to guard.
-            with contextlib.suppress(OSError):
-                folder.mkdir(parents=True, exist_ok=True)
-                lock = stack.enter_context((folder / f"{self.py_func.__qualname__}.lock").open("a"))
-                if fcntl:
-                    fcntl.flock(lock, fcntl.LOCK_EX)
-                stack.callback(setattr, numba.config, "CACHE_DIR", numba.config.CACHE_DIR)
-                numba.config.CACHE_DIR, kept = str(folder), True
+            kept = self._open_folder(stack)
             # The collector goes through all that the compiler holds, again and again, and finds little.
             if gc.isenabled():
                 stack.callback(gc.enable)
                 gc.disable()
-            self.for_types[types] = numba.njit(types, cache=kept, **self._options)(self.py_func)
+            self.for_types[types] = self._loaded_or_compiled(types, kept)
             return self.for_types[types]
+
+    def _open_folder(self, stack):
+        """Have numba keep machine code in this kernel's folder, locked, until `stack` ends; whether there is one."""
+        try:
+            folder = cache_folder(self._file)
+            folder = folder if _is_writable(folder) else _copy_of(folder)
+        except OSError:
+            return False
+        # Some file systems have no locks: two processes may then compile the same kernel.
+        with contextlib.suppress(OSError):
+            lock = stack.enter_context((folder / f"{self.py_func.__qualname__}.lock").open("a"))
+            if fcntl:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+        # Other places that the user's settings name know nothing of the files that a kernel imports.
+        for name, value in (("CACHE_DIR", str(folder)), ("CACHE_LOCATOR_CLASSES", "")):
+            stack.callback(setattr, numba.config, name, getattr(numba.config, name, ""))
+            setattr(numba.config, name, value)
+        return True
+
+    def _loaded_or_compiled(self, types, kept):
+        """Return the function for numba types, from the disk if `kept`; what is damaged there is compiled anew."""
+        if kept:
+            for attempt in range(2):
+                try:
+                    return numba.njit(types, cache=True, **self._options)(self.py_func)
+                except Exception:  # noqa: BLE001  (reading a damaged file raises whatever its bytes make of it)
+                    if attempt == 0:
+                        _remove_machine_code(pathlib.Path(numba.config.CACHE_DIR))
+        return numba.njit(types, **self._options)(self.py_func)
 
 
 def _kind(value):

@@ -41,6 +41,7 @@ os._exit(0)
 
 _helpers: list[subprocess.Popen | None] = []
 _queued: list[Compilation] = []
+_announced: list[Compilation] = []
 
 
 def run_compilation(compilation: Compilation) -> None:
@@ -69,10 +70,22 @@ def start_helpers(compilation: Compilation, *helping: Compilation) -> None:
     """
     if _helpers or multiprocessing.parent_process() is not None or _is_compiled(compilation):
         return
-    sys.stderr.write(f"compiling machine code for this machine, once: about {compilation.seconds} s\n")
+    from fpk_rocking.base import jit
+
+    kept = "once" if jit.keeps_machine_code() else "which no folder keeps (set NUMBA_CACHE_DIR)"
+    sys.stderr.write(f"compiling machine code for this machine, {kept}: about {compilation.seconds} s\n")
     left = [other for other in (*helping, *_queued) if not _is_compiled(other)]
     _helpers.extend([start_process(*share) for share in shares(left, processors() - 1)] or [None])
-    _mark_compiled(compilation)
+    _announced.append(compilation)
+
+
+def mark_announced() -> None:
+    """Mark on the disk what `start_helpers` announced: the call that needed it has come to its end.
+
+    Until then it is not marked, so that after an interruption the next run says again that it compiles.
+    """
+    while _announced:
+        _mark_compiled(_announced.pop())
 
 
 def shares(compilations: Sequence[Compilation], processes: int) -> list[Sequence[Compilation]]:

@@ -1,5 +1,6 @@
 """`solve_fpk`: the Fokker-Planck equation of a scene, solved from its start to the wanted times and to a tolerance."""
 
+import dataclasses
 import math
 import sys
 import time
@@ -9,7 +10,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress, not_none
-from fpk_rocking.base.precompilation import Compilation, start_helpers
+from fpk_rocking.base.precompilation import Compilation, mark_announced, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
 from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import REST, FilteredPropagator
@@ -103,8 +104,11 @@ def solve_fpk(
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times)
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
-    solved = _with_noise_replaced(scene, noise_replacement)
-    white, advances, filtered = solved.white_equivalent(), len(times) - 1, solved.noise.kind == "filtered"
+    replaced = _with_noise_replaced(scene, noise_replacement)
+    advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"
+    # Meshes, steps and thresholds go by D: it is that of the noise at its peak.
+    white = _at_unit_peak(replaced.white_equivalent())
+    solved = replaced if filtered else white
     start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
 
     motion = explore(white, times)
@@ -130,6 +134,7 @@ def solve_fpk(
         return refined.within(tol, bins_tol) or _is_stagnated(refined)
 
     refined = refine(meshes, solve, fits, is_done, coarser)
+    mark_announced()
 
     fine = refined.solutions[-1]
     propagator = fine.propagator
@@ -137,8 +142,8 @@ def solve_fpk(
     unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
     result = Evolution(
         scene=scene,
-        diffusion=white.noise.diffusion,
-        noise_replacement=describe_replacement(scene, solved),
+        diffusion=replaced.white_equivalent().noise.diffusion,
+        noise_replacement=describe_replacement(scene, replaced),
         tol=tol,
         times=times,
         survival=fine.survival,
@@ -205,6 +210,12 @@ def _with_noise_replaced(scene, noise_replacement):
     refuse_unsolvable(scene)
     refuse_slow(scene)
     return scene
+
+
+def _at_unit_peak(white):
+    """Return a scene with the same white noise by an envelope whose largest value is 1."""
+    noise = white.noise.with_unit_peak
+    return white if noise is white.noise else dataclasses.replace(white, noise=noise)
 
 
 def propagator_for(scene: Scene) -> type[PeriodicPropagator | TransientPropagator | FilteredPropagator]:

@@ -256,6 +256,7 @@ def takeover_step(startup: StartUp, space: Space, edges, settled=None):
 
 def _drift_time(dynamics: Dynamics):
     """Time at which the drift from rest overtakes the noise: D / (|f| - 1)^2, less where f changes sooner."""
+    # An instant: times are over 1/p, and neither force nor envelope changes in 1e-9 of that.
     dynamics = dynamics.averaged_over(0.0, 1e-9)
     drift = abs(dynamics.rest_gap(0.0))
     steady = dynamics.diffusion / drift**2 if drift > 0.0 else math.inf
@@ -371,7 +372,11 @@ def exact_moments(dynamics, filter_states, mean, covariance, end, side):
     begin = np.eye(size)
     begin[:2, :2] = covariance
     states = np.concatenate([mean, begin.ravel()])
-    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=1e-14, dense_output=True).sol
+    # Of a narrow start under weak noise all variances are small: what counts as 0 is so in their own units.
+    own = np.minimum(np.maximum(np.sqrt(np.diag(covariance)), filter_states.sigma), 1.0)
+    units = np.append(own, np.ones(size - 2))
+    small = 1e-14 * np.concatenate([np.ones(2), np.outer(units, units).ravel()])
+    moments_at = solve_ivp(rates, (0.0, end), states, method="DOP853", rtol=1e-8, atol=small, dense_output=True).sol
     return lambda time: (moments_at(time)[:2], moments_at(time)[2:].reshape(size, size))
 
 

@@ -71,14 +71,15 @@ class TransientPropagator(Propagator):
 
     def __init__(self, scene, discretization, negligible, coarse=None):
         super().__init__(scene, discretization, discretization, negligible)
+        self.dynamics = Dynamics.of(scene)
         if coarse:
             self._forgetting = TUNING.forgetting_growth * coarse._forgetting
             least_intensity = TUNING.faintest_ratio * coarse.dynamics.least_intensity
         else:
             # At the third resolution what a block may remember of having stuck is the tolerance, exp(-M) = 1e6 times
             # the negligible mass; M grows by about 1.4 from one resolution to the next.
-            self._forgetting, least_intensity = -0.5 * math.log(1e6 * negligible), Dynamics.least_intensity
-        self.dynamics = dataclasses.replace(Dynamics.of(scene), least_intensity=least_intensity)
+            self._forgetting, least_intensity = -0.5 * math.log(1e6 * negligible), self.dynamics.least_intensity
+        self.dynamics = dataclasses.replace(self.dynamics, least_intensity=least_intensity)
         self.duration = cycle_of(scene) / discretization.steps
         # Small masses may in all be a hundredth of the tolerance.
         self._small = 1e4 * negligible
@@ -182,7 +183,7 @@ class TransientPropagator(Propagator):
 def step_edges(scene: Scene, duration: float, times: Array) -> Array:
     """Return the edges (n,), from 0 on, of steps of about a `duration`, to the last of the `times` (rows,)."""
     fixed = np.unique([time for time in (*times[1:], scene.forcing.duration) if time <= times[-1]])
-    fixed = fixed[np.append(True, np.diff(fixed) > 1e-9)]
+    fixed = fixed[np.append(True, np.diff(fixed) > 1e-9 * duration)]
     even = np.arange(np.ceil(times[-1] / duration)) * duration
     apart = np.abs(even[:, None] - fixed).min(axis=1) if fixed.size else np.full(even.size, np.inf)
     return np.unique(np.append(even[(apart > 0.3 * duration) | (even == 0.0)], fixed))

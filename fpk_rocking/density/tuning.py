@@ -129,7 +129,9 @@ class Tuning(NamedTuple):
 
     # Time step.
     least_intensity: float = 1e-3
-    """Least g² of a diffusion D g²: no mesh resolves a density without noise."""
+    """Least g² of a diffusion D g², g being 1 at its peak: no mesh resolves a density without noise."""
+    least_diffusion: float = 1e-3
+    """Most that `least_intensity` may make of strong noise: D g² itself moves the block, be D large or small."""
     chatter: float = 0.03
     """Part of a step within which chatter has to end to be summed in closed form, where noise is two kicks of the
     velocity."""
@@ -197,7 +199,8 @@ class Tuning(NamedTuple):
     faintest_ratio: float = 0.5
     """Least diffusion that stands for noise that has faded, over that at the resolution before."""
     faded_noise: float = 0.05
-    """Diffusion over that at g = 1 below which only survival is held to a tolerance: the density shrinks to rest."""
+    """Diffusion over that at the peak of g below which only survival is held to a tolerance: the density shrinks to
+    rest."""
     settled_part: float = 0.5
     """Part of a re-injected mass that is at rest again, from which on it is taken over to stick."""
 

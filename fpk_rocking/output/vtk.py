@@ -7,8 +7,10 @@ left to the viewer to warp. No two elements share points, so both sides of x = 0
 density jumps, are there. Field data: ``cycle``, ``tau``, ``survival``, ``overturned_left``, ``overturned_right``,
 ``cut_off``.
 
-These are values as computed. A density may be slightly negative in places; its files also have ``negative_mass``, the
-largest over its cycles.
+``element_density`` is what a viewer shows first, as the active scalars of the file. Point values are those of a
+polynomial in each element, which may swing far below 0 and above the density where it is steep: of the main scene after
+4 cycles they run from -10 to 18 where the means run from -.8 to 9. All are values as computed; the files of a density
+also have ``negative_mass``, the largest over its cycles.
 """
 
 import pathlib
@@ -18,12 +20,16 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
 from fpk_rocking.results.storage import replaced_atomically, write_text
 from fpk_rocking.results.survival import SurvivalResult
 from fpk_rocking.scene.axes import joint_edges
 
 __all__ = ["write_function", "write_series"]
+
+_SHOWN = "element_density"
+"""Name of the array that a viewer shows first."""
 
 
 def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequence[int]) -> pathlib.Path:
@@ -41,6 +47,7 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
         First part of the names of files: ``<name>.pvd``, ``<name>_0000.vtu``, ...
     result : SurvivalResult
     cycles : sequence of int
+        Each is written once.
 
     Returns
     -------
@@ -55,8 +62,10 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
     >>> print(write_series("vtk", "main", density, cycles=[1, 4]).name)
     main.pvd
     """
+    checks.instance("result", result, SurvivalResult)
     folder, entries = pathlib.Path(folder), []
-    for cycle in cycles:
+    rows = [checks.count("cycles", cycle, at_least=0, at_most=len(result.times) - 1) for cycle in cycles]
+    for cycle in dict.fromkeys(rows):  # a cycle is one file, and one entry, however often it is named
         file = folder / f"{name}_{cycle:04d}.vtu"
         _write_mesh(file, _mesh_of_row(result, cycle), _field_values(result, cycle))
         entries.append((float(result.times[cycle]), file.name))
@@ -135,9 +144,9 @@ def _mesh_of_lattices(angle, velocity, values, probability):
     within = (2, 3)
     element = probability.sum(axis=within, keepdims=True) / areas.sum(axis=within, keepdims=True)
     cell_data = {
+        _SHOWN: [np.broadcast_to(element, probability.shape).ravel()],
         "density": [(probability / areas).ravel()],
         "probability": [probability.ravel()],
-        "element_density": [np.broadcast_to(element, probability.shape).ravel()],
     }
     return _meshio_mesh(points, [("quad", quads)], values.ravel(), cell_data)
 
@@ -164,7 +173,7 @@ def _mesh_of_point(scene):
     points = np.array([*corners, (scene.start.angle, scene.start.velocity, 0.0)])
     cells = [("quad", np.arange(8).reshape(2, 4)), ("vertex", np.array([[8]]))]
     zeros = [np.zeros(2), np.zeros(1)]
-    cell_data = {"density": zeros, "probability": [np.zeros(2), np.ones(1)], "element_density": zeros}
+    cell_data = {_SHOWN: zeros, "density": zeros, "probability": [np.zeros(2), np.ones(1)]}
     return _meshio_mesh(points, cells, np.zeros(9), cell_data)
 
 
@@ -196,6 +205,8 @@ def _write_mesh(file, mesh, fields):
         # meshio reads field data of a .vtu file but does not write it.
         grid = "<UnstructuredGrid>"
         text = temporary.read_text(encoding="utf-8").replace(grid, grid + _field_data(fields), 1)
+        # Nor which array is the active one: a viewer would show the first of the points.
+        text = text.replace("<CellData>", f'<CellData Scalars="{_SHOWN}">', 1)
         temporary.write_text(text, encoding="utf-8")
 
 

@@ -211,6 +211,7 @@ class Capacities(NamedTuple):
                 share = between * counts / (between * counts + own)
                 noise = np.sqrt(share * own / counts) * rng.standard_normal(means.shape)
                 at, variance = (mu + share * (means - mu) + noise)[:, self.motion], own
+            # Variances of logarithms have no unit: 1e-12 is a dispersion of 1e-6.
             values = self._imputed(at, np.maximum(variance, 1e-12), exact, precision, rng)
         scale = self.noise * np.exp(self.noise_error * rng.standard_normal((samples, 1)))
         return np.concatenate([mu, np.sqrt(between), np.sqrt(own), scale], axis=1), values

@@ -19,6 +19,9 @@ from fpk_rocking.base.checks import Array, ArrayLike, Number
 _STEEPEST = 1e6
 """Factor of a term above which a likelihood counts as one without a maximum."""
 
+_FLATTEST = 1e-3
+"""Rise of z over all scales up to which a likelihood counts as flat: it has a maximum by rounding alone."""
+
 REJECTED = 0.05
 """p-value of the test of lognormal capacities below which a fit is rejected, and so the rate of its false alarms."""
 
@@ -122,15 +125,19 @@ def fit_lognormal(
         return LognormalFit(level=level, reason=reason)
     design = np.stack([np.ones_like(logs), logs])
     curve, information = _maximize(design, count[None], trials)
-    if not 0.0 < curve[0, 1] < _STEEPEST:
-        return LognormalFit(level=level, reason="the probability does not rise with the scale")
     intercept, slope = curve[0]
+    reason = _unusable(slope, logs)
+    if reason:
+        return LognormalFit(level=level, reason=reason)
     fitted = scipy.special.ndtr(intercept + slope * logs)
     median, dispersion = math.exp(-intercept / slope), 1.0 / float(slope)
     fit = LognormalFit(median, dispersion, misfit=float(np.abs(fitted - share).max()), level=level)
     if realizations is None:
         return fit
-    reach = np.exp(scipy.special.ndtri(0.5 + 0.5 * level) * _errors(intercept, slope, information[0]))
+    with np.errstate(over="ignore"):
+        reach = np.exp(scipy.special.ndtri(0.5 + 0.5 * level) * _errors(intercept, slope, information[0]))
+    if not (np.isfinite(reach).all() and math.isfinite(median * reach[0])):
+        return LognormalFit(level=level, reason=_NO_RISE + "any median is as likely by these counts")
     deviance = float(_deviance(logs, count[None], trials, curve)[0])
     return fit._replace(
         median_interval=(float(median / reach[0]), float(median * reach[0])),
@@ -147,7 +154,7 @@ def fit_rows(logs: Array, shares: Array, rows: Array | None = None) -> tuple[Arr
     if not rows.size:
         return rows, np.empty(0), np.empty(0), np.empty((0, 2))
     curve, information = _maximize(np.stack([np.ones_like(logs), logs]), shares[rows], trials)
-    rises = (curve[:, 1] > 0.0) & (curve[:, 1] < _STEEPEST)
+    rises = np.array([not _unusable(slope, logs) for slope in curve[:, 1]])
     intercept, slope = curve[rises].T
     return rows[rises], -intercept / slope, 1.0 / slope, _errors(intercept, slope, information[rises])
 
@@ -227,6 +234,18 @@ def _errors(intercept, slope, information):
     change = np.stack([-1.0 / slope, intercept / slope**2, zero, -1.0 / slope], axis=-1).reshape(*slope.shape, 2, 2)
     covariance = change @ np.linalg.pinv(information, hermitian=True) @ np.swapaxes(change, -1, -2)
     return np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+
+
+_NO_RISE = "the shares do not rise with intensity: "
+
+
+def _unusable(slope, logs):
+    """Return why a curve of some `slope` over `logs` (n,) is no fit; an empty text where it is one."""
+    if not math.isfinite(slope) or slope >= _STEEPEST:
+        return "the shares rise too steeply for these scales: put scales closer together"
+    if slope * np.ptp(logs) > _FLATTEST:
+        return ""
+    return _NO_RISE + ("they fall" if slope * np.ptp(logs) < -_FLATTEST else "they are equal, or nearly so")
 
 
 def _undetermined(logs, count, trials):

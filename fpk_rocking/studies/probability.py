@@ -239,7 +239,9 @@ def probability(
         Wanted error (95 %) of the last probability, absolute and in parts of it, above 0; the larger is enough. By
         default `tol` is .005, unless `rtol` is given.
     limit_s : float
-        Seconds that the call may take. ValueError within a tenth of it, or 2 s, where more are predicted.
+        Seconds of sampling or solving that are accepted. ValueError before the work begins where more are predicted.
+        Machine code that is compiled the first time on a machine comes on top, up to some minutes on a slow one
+        (``fpk-rocking warmup`` makes it ahead), as does what a busy machine takes longer than predicted.
     seed : int
         From 0 to 2**64 - 1.
     progress : callable, optional

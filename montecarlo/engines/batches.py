@@ -8,7 +8,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.jit import map_threads, thread_count
-from fpk_rocking.base.precompilation import Compilation, start_helpers
+from fpk_rocking.base.precompilation import Compilation, mark_announced, start_helpers
 from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import ranges
@@ -106,6 +106,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
             paths = _paths_to_follow(batch, engine.renews, followed)
             batch.returns[:] = _returns(paths, run, engine.renews, later, simulate)
             followed += int(batch.returns[0])
+        mark_announced()
         yield _repeated(batch, first, count) if alike else batch
         first += count
         if progress is not None:

@@ -169,7 +169,7 @@ def _follow(u, w, side, j, forcing):
         t = 0.0
         while t < forcing.duration and best <= 0.0:
             kind, t, x, v = next_event(x, v, side, segment, t, forcing.duration, forcing.block)
-            # A slower impact counts as the last one, before rest.
+            # A slower impact counts as the last one, before rest: a rough score costs accuracy, not bias.
             if kind == Event.OVERTURNING or (kind == Event.IMPACT and abs(v) < 1e-3):
                 return best
             if kind == Event.IMPACT:

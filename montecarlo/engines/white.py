@@ -35,7 +35,7 @@ from fpk_rocking.physics.motion.flight import (
     slender_flight_end,
 )
 from fpk_rocking.physics.motion.slender import accumulated_covariance
-from fpk_rocking.physics.noise.envelope import mean_squares
+from fpk_rocking.physics.noise.envelope import mean_diffusions
 from montecarlo.engines.barriers import draw_bounce, nystrom_step, reflect_draw, step_near_barrier
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import draw_start, normal, start_parameters
@@ -118,7 +118,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
     envelope = scene.noise.envelope
     grid = time_grid(scene, longest if envelope is None else min(longest, envelope.spacing), times)
     intervals, span = grid.count, grid.spacing
-    diffusions = diffusion * mean_squares(envelope, span * np.arange(intervals + 1))
+    diffusions = mean_diffusions(diffusion, envelope, span * np.arange(intervals + 1))
     block, forcing = block_of_scene(scene), segments_of(scene.forcing.pieces(np.arange(intervals) * span), span)
     stages, drift = np.empty((intervals, 3)), np.empty((intervals, 2, 2))
     _write_tables(forcing, span, stages, drift, block)

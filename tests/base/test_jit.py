@@ -36,10 +36,10 @@ def package(tmp_path):
     return copy
 
 
-def run(package, **environment):
+def run(package, first="", /, **environment):
     """Value of the probe in a fresh process, and how many kernels' machine code came from the disk."""
     kept = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
-    command = [sys.executable, "-c", RUN]
+    command = [sys.executable, "-c", first + RUN]
     where = {"cwd": package.parent, "env": kept | environment}
     answer = subprocess.run(command, **where, check=True, capture_output=True, text=True, timeout=120)
     value, hits = answer.stdout.split()
@@ -67,6 +67,101 @@ def test_the_cache_is_in_the_users_cache_folder_unless_chosen(package, tmp_path)
     assert run(package, XDG_CACHE_HOME=str(tmp_path / "user")) == (0.5, 0)
     assert list((tmp_path / "user" / "fpk-rocking").iterdir())
     assert not list(package.rglob("*.nbc"))
+
+
+@pytest.mark.parametrize("kept", ["*.nbi", "*.nbc"])
+@pytest.mark.parametrize("part", [0.0, 0.5, 0.95])
+def test_damaged_machine_code_is_compiled_anew(package, tmp_path, kept, part):
+    """Once: what was damaged is kept again, whole."""
+    cache = tmp_path / "chosen"
+    run(package, NUMBA_CACHE_DIR=str(cache))
+    for path in cache.rglob(kept):
+        path.write_bytes(path.read_bytes()[: int(part * path.stat().st_size)])
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 0)
+    assert run(package, NUMBA_CACHE_DIR=str(cache)) == (0.5, 1)
+
+
+READ_ONLY = """
+import errno, pathlib, tempfile
+opened, temporary = pathlib.Path.open, tempfile.TemporaryFile
+
+def refuse(path, *arguments, **named):
+    if str(path).startswith({cache!r}) and (arguments or ("r",))[0] != "r":
+        raise PermissionError(errno.EACCES, "read-only", str(path))
+    return opened(path, *arguments, **named)
+
+def refuse_temporary(*arguments, dir=None, **named):
+    if str(dir).startswith({cache!r}):
+        raise PermissionError(errno.EACCES, "read-only", str(dir))
+    return temporary(*arguments, dir=dir, **named)
+
+pathlib.Path.open, tempfile.TemporaryFile = refuse, refuse_temporary
+"""
+
+
+def test_a_warmed_cache_that_cannot_be_written_to_is_used(package, tmp_path):
+    cache = tmp_path / "chosen"
+    run(package, NUMBA_CACHE_DIR=str(cache))
+    before = sorted(cache.rglob("*"))
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    first = READ_ONLY.format(cache=str(cache))
+    assert run(package, first, NUMBA_CACHE_DIR=str(cache), TMPDIR=str(temporary)) == (0.5, 1)
+    assert sorted(cache.rglob("*")) == before
+    assert not list(temporary.iterdir())  # a copy ends with the process
+
+
+def test_without_a_home_and_a_name_a_user_gets_answers(package, tmp_path):
+    first = """
+import pathlib
+
+def home():
+    raise RuntimeError("Could not determine home directory.")
+
+pathlib.Path.home = home
+from fpk_rocking.base import precompilation
+precompilation.start_helpers(precompilation.Compilation("fpk_rocking.physics.probe:probe", 1))
+precompilation.mark_announced()
+"""
+    assert run(package, first) == (0.5, 0)
+    assert run(package, first, NUMBA_CACHE_DIR=str(tmp_path / "chosen")) == (0.5, 0)
+    assert run(package, first, NUMBA_CACHE_DIR=str(tmp_path / "chosen")) == (0.5, 1)
+
+
+@pytest.mark.skipif(jit.fcntl is None, reason="no locks on this system")
+def test_where_there_are_no_locks_machine_code_is_kept_without(package, tmp_path):
+    first = """
+import errno, fcntl
+
+def flock(file, operation):
+    raise OSError(errno.ENOLCK, "No locks available")
+
+fcntl.flock = flock
+"""
+    assert run(package, first, NUMBA_CACHE_DIR=str(tmp_path / "chosen")) == (0.5, 0)
+    assert run(package, first, NUMBA_CACHE_DIR=str(tmp_path / "chosen")) == (0.5, 1)
+
+
+def test_places_that_the_user_names_for_numba_are_not_taken(package, tmp_path):
+    """Beside a source file numba keeps machine code that is stale once an imported file has changed."""
+    named = {"NUMBA_CACHE_DIR": str(tmp_path / "chosen"), "NUMBA_CACHE_LOCATOR_CLASSES": "InTreeCacheLocator"}
+    assert run(package, **named) == (0.5, 0)
+    contact = package / "physics" / "motion" / "impact.py"
+    contact.write_text(contact.read_text().replace("return 2.0 * speed *", "return 6.0 * speed *"))
+    assert run(package, **named) == (1.5, 0)
+    assert not list(package.rglob("*.nbi"))
+
+
+def test_each_version_of_numba_keeps_its_own_machine_code(package, tmp_path):
+    """Else one discards what another one has kept, and what is marked as compiled is compiled without a word."""
+    other = 'import numba\nnumba.__version__ = "0.0.1"\n'
+    folder = {"NUMBA_CACHE_DIR": str(tmp_path / "chosen")}
+    assert [run(package, first, **folder) for first in ("", other, "", other)] == [
+        (0.5, 0),
+        (0.5, 0),
+        (0.5, 1),
+        (0.5, 1),
+    ]
 
 
 BORROWED = """

@@ -192,7 +192,7 @@ def test_free_flight_is_compiled_as_the_solver_needs_it(scene, tmp_path):
 
 
 def test_one_process_compiles_a_kernel_and_others_wait_for_it(tmp_path):
-    """As many at once as would collide: each answers, and the kernel is compiled once.
+    """As many at once as would collide, eight: each answers, and the kernel is compiled once.
 
     The first of them says that it compiles; one more, later, has nothing to say.
     """
@@ -202,13 +202,14 @@ from fpk_rocking.physics.motion.equation import KernelBlock
 from fpk_rocking.physics.motion.impact import chatter_time
 precompilation.start_helpers(precompilation.Compilation("fpk_rocking.physics.motion.impact:chatter_time", 7))
 answer = chatter_time(0.25, 1, 0.0, KernelBlock(0.0, 1.5))
+precompilation.mark_announced()
 print(answer, *(sum(made.stats.cache_misses.values()) for made in chatter_time.for_types.values()))
 """
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     where = {"env": environment, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    runs = [subprocess.Popen([sys.executable, "-c", code], **where) for _ in range(3)]
+    runs = [subprocess.Popen([sys.executable, "-c", code], **where) for _ in range(8)]
     answers, said = zip(*(process.communicate(timeout=120) for process in runs), strict=True)
-    assert sorted(answers) == ["0.5 0\n", "0.5 0\n", "0.5 1\n"]
+    assert sorted(answers) == ["0.5 0\n"] * 7 + ["0.5 1\n"]
     assert "compiling machine code for this machine, once: about 7 s\n" in said
     later = run([sys.executable, "-c", code], tmp_path)
     assert (later.stdout, later.stderr) == ("0.5 0\n", "")
@@ -285,12 +286,16 @@ def test_helpers_share_what_a_call_will_need():
 
 
 def test_a_process_says_once_that_it_compiles(tmp_path):
-    """And only the first one on a machine."""
-    code = """
-from fpk_rocking.base.precompilation import Compilation, start_helpers
+    """And only until one on the machine has come to its end: an interrupted one has compiled a part at most."""
+    begin = """
+from fpk_rocking.base.precompilation import Compilation, mark_announced, start_helpers
 for name in ("processors", "start_no_helpers"):
     start_helpers(Compilation(f"fpk_rocking.base.precompilation:{name}", 3))
 """
+    for _ in range(2):
+        interrupted = run([sys.executable, "-c", begin + "raise SystemExit(130)"], tmp_path, check=False)
+        assert interrupted.stderr == "compiling machine code for this machine, once: about 3 s\n"
+    code = begin + "mark_announced()"
     said = [run([sys.executable, "-c", code], tmp_path).stderr for _ in range(3)]
     assert said[0] == "compiling machine code for this machine, once: about 3 s\n"
     assert said[1:] == [said[0], ""]

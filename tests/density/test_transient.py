@@ -29,7 +29,7 @@ from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.sticking import Sticking, density_at_rest
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
-from fpk_rocking.envelopes import Trapezoid
+from fpk_rocking.envelopes import Table, Trapezoid
 from montecarlo import simulate
 
 SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)
@@ -73,10 +73,21 @@ def test_a_pulse_agrees_with_paths(tmp_path):
     assert again.times.tobytes() == density.times.tobytes()
 
 
-def test_a_flight_under_an_envelope_has_the_exact_moments():
+RISE_AND_FALL = (0.0, 0.4, 0.7, 1.1)
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        WhiteNoise(0.004, Trapezoid(0.4, 0.3, 0.4)),
+        # The same noise: its largest D g² is .004 too, though g never reaches .01.
+        WhiteNoise(0.004 / 0.009**2, Table(RISE_AND_FALL, (0.0, 0.009, 0.009, 0.0))),
+    ],
+    ids=["peak 1", "peak .009"],
+)
+def test_a_flight_under_an_envelope_has_the_exact_moments(noise):
     # Steps have the mean of D: second order in them, about 1e-3 of the covariance here.
     start = Start(0.9, -0.2, ((0.002, 0.0), (0.0, 0.003)))
-    noise = WhiteNoise(0.004, Trapezoid(0.4, 0.3, 0.4))
     scene = Scene(Block(0.8), Pulse("one-sine", 0.6, 3.0), noise, start)
     times = np.array([0.25, 0.6])
     density = solve_fpk(scene, times=times, tol=1e-2)
@@ -94,6 +105,8 @@ def test_dynamics_have_the_diffusion_of_a_step():
     assert dynamics.averaged_over(1.2, 0.3).diffusion == pytest.approx(0.004, rel=1e-12)
     assert dynamics.averaged_over(0.0, 0.3).diffusion == pytest.approx(0.004 * 0.03, rel=1e-12)
     assert dynamics.averaged_over(5.0, 0.3).diffusion == pytest.approx(0.004 * Dynamics.least_intensity)
+    strong = Dynamics.of(Scene(Block(0.8), Harmonic(1.0, 2.0), WhiteNoise(200.0, Trapezoid(1.0, 1.0, 1.0))))
+    assert strong.averaged_over(5.0, 0.3).diffusion == pytest.approx(TUNING.least_diffusion)
     assert dynamics.covariance(0.0, 0.6)[2] < dynamics.covariance(1.1, 0.6)[2]
 
 

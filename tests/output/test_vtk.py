@@ -101,6 +101,35 @@ def test_series_read_by_pyvista(tmp_path):
     assert mesh.field_data["cycle"][0] == 10.0
 
 
+@pytest.mark.parametrize("result", [SignedEvolution(MAIN), ENSEMBLE], ids=["density", "sample"])
+@pytest.mark.parametrize("cycle", [0, 3])
+def test_a_viewer_first_shows_means_over_elements(tmp_path, result, cycle):
+    """Point values of a discontinuous solution swing far below 0 where it is steep."""
+    import pyvista
+
+    vtk.write_series(tmp_path, "jpdf", result, [cycle])
+    mesh = pyvista.read(tmp_path / f"jpdf_{cycle:04d}.vtu")
+    assert mesh.active_scalars_name == "element_density"
+    assert mesh.cell_data.active_scalars_name == "element_density"
+    assert mesh.point_data.active_scalars_name is None
+    assert mesh.active_scalars_info.association == pyvista.FieldAssociation.CELL
+
+
+def test_a_cycle_that_is_named_twice_is_one_entry(tmp_path):
+    listing = vtk.write_series(tmp_path, "jpdf", DENSITY, [2, 4, 2, np.int64(4)])
+    entries = [entry.attrib["file"] for entry in ET.parse(listing).iter("DataSet")]
+    assert entries == ["jpdf_0002.vtu", "jpdf_0004.vtu"]
+
+
+@pytest.mark.parametrize(("result", "named"), [(np.zeros(3), "result"), (None, "result"), (MAIN, "result")])
+def test_what_is_no_result_is_refused_before_a_file_is_written(tmp_path, result, named):
+    with pytest.raises(TypeError, match=f"^{named}: got .*, accepted: SurvivalResult"):
+        vtk.write_series(tmp_path, "jpdf", result, [1])
+    with pytest.raises(ValueError, match=r"^cycles: got 99"):
+        vtk.write_series(tmp_path, "jpdf", DENSITY, [1, 99])
+    assert not list(tmp_path.iterdir())
+
+
 def test_point_start_is_one_vertex_of_probability_one(tmp_path):
     scene = dataclasses.replace(MAIN, start=Start(0.2, -0.1))
     vtk.write_series(tmp_path, "jpdf", fakes.FakeEvolution(scene), [0])

@@ -25,7 +25,7 @@ from fpk_rocking import (
 )  # fmt: skip
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.envelopes import Exponential, Table, Trapezoid
-from fpk_rocking.physics.noise.envelope import envelope_pieces, mean_squares
+from fpk_rocking.physics.noise.envelope import FAINTEST, envelope_pieces, mean_diffusions
 from montecarlo import simulate
 from montecarlo.poincare import restarted_poincare_map
 from montecarlo.splitting import split
@@ -56,7 +56,44 @@ def test_values_series_and_squares_agree(envelope):
     inside = np.diff(times) / 6.0 * (values[1:] ** 2 + 4.0 * envelope.value(middle) ** 2 + values[:-1] ** 2)
     off = envelope.squared_integral(times) - np.append(0.0, np.cumsum(inside))
     assert np.abs(off).max() < (6e-3 if envelope.kind == "trapezoid" and not envelope.rise else 1e-10)
-    assert mean_squares(None, times) == pytest.approx(np.ones(1400))
+    assert mean_diffusions(0.3, None, times) == pytest.approx(np.full(1400, 0.3))
+
+
+@pytest.mark.parametrize("envelope", ENVELOPES, ids=str)
+def test_the_peak_of_an_envelope_may_be_taken_into_the_diffusion(envelope):
+    times = np.linspace(0.0, 7.0, 1401)
+    assert envelope.largest == pytest.approx(envelope.value(times).max(), rel=1e-4)
+    noise = WhiteNoise(0.3, envelope)
+    scaled = noise.with_unit_peak
+    assert scaled.envelope.largest == 1.0
+    squares = scaled.diffusion * scaled.envelope.value(times) ** 2
+    assert squares == pytest.approx(0.3 * envelope.value(times) ** 2, rel=1e-13)
+    assert scaled.with_unit_peak is scaled
+
+
+@pytest.mark.parametrize("peak", [1e-3, 0.009, 1.0, 300.0])
+@pytest.mark.parametrize("strength", [1e-6, 0.162, 40.0])
+def test_which_noise_counts_as_none_does_not_depend_on_the_unit_of_its_envelope(strength, peak):
+    """White noise D g² is what moves a block: a D twenty times as large under a smaller g is the same noise."""
+    times = np.linspace(0.0, 60.0, 1201)
+    values = np.array([0.0, 1.0, 0.02, 1e-4, 0.0])
+    whole = mean_diffusions(strength, Table((0, 1, 5, 20, 50), tuple(values)), times)
+    same = mean_diffusions(strength / peak**2, Table((0, 1, 5, 20, 50), tuple(peak * values)), times)
+    assert same == pytest.approx(whole, rel=1e-10)
+    assert not whole[-100:].any()
+    dropped = strength * values[1] ** 2 * 1e-4
+    assert whole[whole > 0.0].min() >= min(dropped, FAINTEST)
+    assert (whole[:500] > 0.0).any()
+
+
+def test_a_small_envelope_of_strong_white_noise_is_noise():
+    """D = 2000 under an envelope of .009 is D = .162."""
+    scenes = [
+        Scene(Block(0.7), Harmonic(0.8, 2.0, 0.0), noise)
+        for noise in (WhiteNoise(2000.0, Table((0.0, 1.0), (0.009, 0.009))), WhiteNoise(0.162))
+    ]
+    small, plain = (simulate(scene, cycles=2, realizations=4000, seed=seed) for seed, scene in enumerate(scenes))
+    assert small.survival[-1] == pytest.approx(plain.survival[-1], abs=0.045)
 
 
 @pytest.mark.parametrize("noise", [BAND, WHITE, FILTERED], ids=["band", "white", "filtered"])

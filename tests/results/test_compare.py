@@ -253,3 +253,12 @@ def test_labels():
     assert noise_text(NoNoise()) == "no noise"
     own = dataclasses.replace(MAIN, noise=BandNoise(0.04, (1.0, 6.0), 100))
     assert remarks(fakes.FakeEnsemble(own)) == ()
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(3), None, "density.npz", MAIN, 1.0])
+def test_what_is_no_result_is_refused_by_name(wrong):
+    density = fakes.FakeEvolution(MAIN)
+    with pytest.raises(TypeError, match=r"(?s)^first: got .*, accepted: SurvivalResult"):
+        compare(wrong, density)
+    with pytest.raises(TypeError, match=r"(?s)^second: got .*, accepted: SurvivalResult"):
+        compare(density, wrong)

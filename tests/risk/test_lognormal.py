@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import optimize, special, stats
 
-from fpk_rocking.risk.lognormal import fit_lognormal
+from fpk_rocking.risk.lognormal import fit_lognormal, fit_rows
 
 SCALE = np.geomspace(0.3, 3.0, 12)
 MEDIAN, DISPERSION = 1.2, 0.4
@@ -127,7 +127,7 @@ def test_a_density_a_little_beyond_0_and_1_is_fitted_as_0_and_1():
         ([1.0, 1.0, 1.0], "the probability is 1 at all scales"),
         ([0.0, 0.0, 1.0], "fewer than two scales have a probability between 0 and 1"),
         ([0.0, 0.4, 1.0], "fewer than two scales have a probability between 0 and 1"),
-        ([1.0, 0.5, 0.0], "the probability does not rise with the scale"),
+        ([1.0, 0.5, 0.0], "the shares do not rise with intensity: they fall"),
         ([np.nan, 0.5, np.nan], "fewer than two scales"),
         ([np.nan, np.nan, np.nan], "the probability is 0 at all scales"),
     ],
@@ -142,3 +142,35 @@ def test_no_fit_has_a_reason(shares, reason):
 def test_levels_are_checked(level):
     with pytest.raises(ValueError, match="level: got"):
         fit_lognormal(SCALE, TRUE, 10, level=level)
+
+
+FLAT = [[0.5] * 4, [0.5, 0.5, 0.5, 0.500001], [0.2] * 4, [0.5, 0.5001, 0.5, 0.5], [0.5, 0.50001, 0.50002, 0.50003]]
+
+
+@pytest.mark.parametrize("realizations", [None, 20, 1000, 10**6, [20, 30, 40, 50]])
+@pytest.mark.parametrize("shares", [*FLAT, [0.9, 0.6, 0.4, 0.2], [0.5, 0.5, 0.5, 0.4], [1.0, 0.0, 0.5, 0.5]])
+def test_shares_that_do_not_rise_have_no_fit_and_a_reason(shares, realizations):
+    """The likelihood of equal shares is flat: its maximum is where rounding puts it, at a dispersion of 1e16."""
+    with np.errstate(all="raise"):
+        fit = fit_lognormal([1.0, 2.0, 3.0, 4.0], shares, realizations)
+    assert fit.reason.startswith("the shares do not rise with intensity: ")
+    falls = shares not in FLAT
+    assert ("they fall" in fit.reason) == falls or realizations == [20, 30, 40, 50]
+    assert np.isnan([fit.median, fit.dispersion, *fit.median_interval, *fit.dispersion_interval, fit.misfit]).all()
+    assert not fit.rejected
+
+
+@pytest.mark.parametrize("last", [0.51, 0.55, 0.6])
+@pytest.mark.parametrize("realizations", [None, 20, 1000])
+def test_what_is_reported_of_shares_that_hardly_rise_is_finite(last, realizations):
+    fit = fit_lognormal([1.0, 2.0, 3.0, 4.0], [0.5, 0.5, 0.5, last], realizations)
+    limits = np.array([*fit.median_interval, *fit.dispersion_interval])
+    assert fit.reason or (fit.dispersion < 1e3 and (np.isfinite(limits).all() or realizations is None))
+    assert not np.isinf(limits).any()
+
+
+def test_rows_of_equal_shares_are_left_out():
+    rows = np.array([[0.5] * 4, [0.1, 0.3, 0.6, 0.8], [0.8, 0.6, 0.3, 0.1], [0.5, 0.5, 0.5, 0.500001]])
+    fitted, medians, spreads, errors = fit_rows(np.log([1.0, 2.0, 3.0, 4.0]), rows)
+    assert fitted.tolist() == [1]
+    assert len(medians) == len(spreads) == len(errors) == 1

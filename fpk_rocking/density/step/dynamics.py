@@ -80,7 +80,9 @@ class Dynamics:
     @classmethod
     def of(cls, scene):
         """Return the dynamics of a `Scene` with white noise."""
-        return cls(scene.forcing, scene.noise.diffusion, block_of_scene(scene), scene.noise.envelope)
+        diffusion = scene.noise.diffusion
+        least = min(cls.least_intensity, TUNING.least_diffusion / diffusion if diffusion > 0.0 else math.inf)
+        return cls(scene.forcing, diffusion, block_of_scene(scene), scene.noise.envelope, least)
 
     def later(self, time):
         """Return the dynamics whose times count from a `time` on."""

@@ -26,7 +26,9 @@ from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
 
 SPEED_FLOOR = 1e-9
-"""Slower than this at zero angle, a block that the force presses down is in contact rather than in flight."""
+"""Slower than this at zero angle, a block that the force presses down is in contact rather than in flight.
+
+Like `CHATTER_TIME` it is compared with gravity and the cut-off, which are about 1 in these units whatever the scene."""
 CHATTER_TIME = 1e-6
 """Chatter that ends within it is summed in closed form; a segment that ends meanwhile sees it over already."""
 

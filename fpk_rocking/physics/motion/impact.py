@@ -46,7 +46,7 @@ def chatter_time(speed, side, force, block):
     near, far = -acceleration(0.0, side, force, block), -acceleration(0.0, -side, force, block)
     leaving, returning = restitution_from(side, block), restitution_from(-side, block)
     if near <= 0.0 or far <= 0.0 or leaving * returning >= 1.0:
-        return float("inf")
+        return math.inf
     return 2.0 * speed * (1.0 / near + leaving / far) / (1.0 - leaving * returning)
 
 

@@ -99,7 +99,7 @@ def cross_interval(interval, node, grow, decay, folded_begin, folded_end, side, 
             return middle_grow * factor, middle_decay / factor, folded_end, side, math.inf
         time, slope = downward_root(interval.folded, half) if folded_begin > 0.0 >= folded_end else (0.0, 0.0)
         speed, square = -velocity_after_impact(slope, block.restitution), (time + half) ** 2
-        # Slower impacts go to the search for events, which decides about chatter.
+        # Slower impacts go to the search for events, which decides about chatter: the limit costs time at most.
         if speed > 1e-4 and folded_begin >= rise * square and folded_begin + 0.25 * fall * square < cutoff:
             v = side * slope
             record_impact(impacts, origin + time, v)

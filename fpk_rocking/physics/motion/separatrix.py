@@ -43,7 +43,7 @@ def melnikov_kernel(critical_angle: float) -> tuple[Array, Array]:
     order = np.arange(25)  # enough for α = π/2, where tan(α/4)² is 0.17
     rates = 2.0 * order + 1.0
     weights = scale * (-(ratio**2)) ** order * rates**2
-    resolved = np.abs(weights) > 1e-18
+    resolved = np.abs(weights) > 1e-18 * np.abs(weights).max()
     return weights[resolved], rates[resolved]
 
 

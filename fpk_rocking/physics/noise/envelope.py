@@ -29,6 +29,16 @@ class Envelope(abc.ABC):
         """Times (n,), between which it rises or falls throughout."""
         return self.kinks
 
+    @property
+    def largest(self) -> float:
+        """Largest value of g."""
+        return float(self.value(self.extremes).max())
+
+    @property
+    def with_unit_peak(self) -> Self:
+        """The envelope over its largest value."""
+        return self
+
     @abc.abstractmethod
     def value(self, times: Array) -> Array:
         """Value g (n,) at times (n,)."""
@@ -162,6 +172,10 @@ class Table(_Linear):
     def faster(self, factor: float) -> Self:
         return type(self)(tuple(time / factor for time in self.times), self.values)
 
+    @property
+    def with_unit_peak(self) -> Self:
+        return type(self)(self.times, tuple(value / self.largest for value in self.values))
+
     def __str__(self):
         return f"table of {len(self.times)} values up to {max(self.values):g}"
 
@@ -224,15 +238,20 @@ ENVELOPES = {cls.kind: cls for cls in (Trapezoid, Exponential, Table)}
 """Envelopes by their kind."""
 
 
-def mean_squares(envelope: Envelope | None, edges: Array) -> Array:
-    """Mean of g² in each interval between n + 1 edges; 1 without an envelope.
+FAINTEST = 1e-5
+"""Diffusion below which white noise may count as none, but never above 1e-4 of its largest: in a time of 1 it gives a
+block a speed of .0045, where one of about 1 overturns it."""
 
-    Means below 1e-4, where g is below .01, are 0: white noise then counts as none, so that a block can rest.
+
+def mean_diffusions(diffusion: float, envelope: Envelope | None, edges: Array) -> Array:
+    """Mean of D g², D being a `diffusion`, in each interval between n + 1 edges.
+
+    Noise that has faded to 1e-4 of its largest diffusion, and to `FAINTEST`, is 0, so that a block can rest.
     """
     if envelope is None:
-        return np.ones(len(edges) - 1)
-    means = np.diff(envelope.squared_integral(edges)) / np.diff(edges)
-    return np.where(means < 1e-4, 0.0, means)
+        return np.full(len(edges) - 1, diffusion)
+    means = diffusion * (np.diff(envelope.squared_integral(edges)) / np.diff(edges))
+    return np.where(means < min(1e-4 * diffusion * envelope.largest**2, FAINTEST), 0.0, means)
 
 
 class EnvelopePieces(NamedTuple):

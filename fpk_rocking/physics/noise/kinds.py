@@ -134,6 +134,15 @@ class WhiteNoise:
         # White noise of a given density in seconds: 2 D δ(τ) with δ(τ) = δ(t)/p.
         return _scaled(self, rate, diffusion=self.diffusion * strength**2 / rate)
 
+    @property
+    def with_unit_peak(self) -> Self:
+        """The same noise, by an envelope whose largest value is 1 and the diffusion that goes with it."""
+        if self.envelope is None or self.envelope.largest == 1.0:
+            return self
+        return dataclasses.replace(
+            self, diffusion=self.diffusion * self.envelope.largest**2, envelope=self.envelope.with_unit_peak
+        )
+
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class FilteredNoise:
