@@ -110,6 +110,8 @@ def test_the_front_is_stubbed():
     """It loads names on first use, which a type checker cannot see."""
     stub = (ROOT / "fpk_rocking" / "__init__.pyi").read_text(encoding="utf-8")
     assert set(re.findall(r" as (\w+)$", stub, re.MULTILINE)) == set(fpk_rocking.__all__)
+    for module, name in re.findall(r"^from ([\w.]+) import (\w+)", stub, re.MULTILINE):
+        assert getattr(importlib.import_module(module), name) is getattr(fpk_rocking, name)
     assert all((ROOT / package / "py.typed").exists() for package in ("fpk_rocking", "montecarlo"))
 
 
