@@ -49,7 +49,7 @@ GROUPS = {
         "search_entries|chunks|spare|deviations|start_margin": ("main", "rack", "pulse"),
         ".*_grading|.*_growth|narrow_.*": ("main", "rack"),
         "chatter|.*_impact": ("main",),
-        "least_intensity": ("pulse",),
+        "least_(intensity|diffusion)": ("pulse",),
     },
 }
 """Scenes that feel a number of a table: of the first pattern that fits it. None: a limit of memory or of time, beyond
