@@ -114,9 +114,9 @@ def test_what_one_side_alone_has_is_a_miss():
 
 @pytest.mark.parametrize("kind", audit_scenes.KINDS)
 def test_scenes_are_of_their_kind_and_depend_on_nothing_else(kind):
-    draws = [audit_scenes.drawn(kind, 3, number) for number in range(12)]
-    assert draws[5] == audit_scenes.drawn(kind, 3, 5)
-    assert draws[5] != audit_scenes.drawn(kind, 4, 5)
+    draws = [audit_scenes.drawn(kind, 3, number) for number in range(3)]
+    assert draws[2] == audit_scenes.drawn(kind, 3, 2)
+    assert draws[2] != audit_scenes.drawn(kind, 4, 2)
     noises = {"calm": "none", "band": "band", "filtered": "filtered", "filtered density": "filtered"}
     assert {draw.scene.noise.kind for draw in draws} == {noises.get(kind, "white")}
     assert all((draw.cycles is None) == (draw.scene.period is None) for draw in draws)
