@@ -437,6 +437,8 @@ def study(
     checks.instance("scene", scene, Scene)
     check_name(name)
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
+    if exceeded is not None:
+        exceeded.check_measure(measure)
     scenes = recorded_scenes(scene, records, units=units, baseline=baseline, corner_hz=corner_hz)
     if 1 < len(scenes) < FEWEST_RECORDS:
         raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
