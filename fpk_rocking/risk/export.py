@@ -11,7 +11,6 @@ import math
 import pathlib
 import re
 from collections.abc import Sequence
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -22,7 +21,7 @@ from fpk_rocking.base.checks import Array, File
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import Trust
 from fpk_rocking.risk.population import IntensityCurve
-from fpk_rocking.risk.rate import rate_text
+from fpk_rocking.risk.rate import Risk, rate_text
 
 _TAKEN = "risk", "curve", "motions"
 """Names whose files would replace others of a study: risk.json, curve.csv, motions.csv."""
@@ -279,21 +278,22 @@ def rate_by_levels(curve: IntensityCurve, intensity: Array, rate: Array) -> floa
     return float(-np.diff(means) @ curve(intensity))
 
 
-def levels_text(risk: Any) -> str:
-    """Return what OpenQuake makes of a `Risk` with the levels of its hazard and with denser ones, as a sentence."""
-    curve, hazard = risk.curve, risk.hazard
-    kept = hazard.rate > 0.0
-    own = rate_by_levels(curve, hazard.intensity, hazard.rate)
+def enough_levels(risk: Risk) -> Array:
+    """Return levels (n,) 5 % apart, of which OpenQuake gives the rate: up to where a thousandth of it is exceeded."""
     above = np.geomspace(risk.edges[-1], 1e3 * risk.edges[-1], 400)
-    last = above[np.argmax(hazard(above) < 1e-3 * risk.exported_rate)]
-    low, step = float(risk.edges[0]), 1.05
-    levels = low * step ** np.arange(math.ceil(math.log(last / low) / math.log(step)) + 1)
-    dense, factor = rate_by_levels(curve, levels, hazard(levels)), 100.0 if curve.measure == "PGV" else 1.0
-    unit = "cm/s" if curve.measure == "PGV" else curve.unit
+    last = above[np.argmax(risk.hazard(above) < 1e-3 * risk.exported_rate)]
+    return risk.edges[0] * 1.05 ** np.arange(math.ceil(math.log(last / risk.edges[0]) / math.log(1.05)) + 1)
+
+
+def levels_text(risk: Risk) -> str:
+    """Return what OpenQuake makes of a `Risk` with the levels of its hazard, and with denser ones, as a sentence."""
+    curve, hazard, levels = risk.curve, risk.hazard, enough_levels(risk)
+    own, dense = (rate_by_levels(curve, im, hazard(im)) for im in (hazard.intensity, levels))
+    low, high = (100.0 if curve.measure == "PGV" else 1.0) * levels[[0, -1]]
     text = "OpenQuake takes a hazard at its levels alone: "
-    text += f"from the {kept.sum()} of this study its classical_damage gives {rate_text(own)}, "
-    text += f"from {levels.size} levels 5 % apart from {factor * low:.3g} to {factor * levels[-1]:.3g} {unit} "
-    return text + f"{rate_text(dense)}."
+    text += f"from the {hazard.intensity.size} of this study its classical_damage gives {rate_text(own)}, "
+    text += f"from {levels.size} levels 5 % apart from {low:.3g} to {high:.3g} "
+    return text + f"{'cm/s' if curve.measure == 'PGV' else curve.unit} {rate_text(dense)}."
 
 
 def check_name(name: str) -> None:
