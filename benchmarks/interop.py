@@ -24,7 +24,7 @@ from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, to_nrml, 
 from fpk_rocking.risk.export import enough_levels, rate_by_levels, rising
 from fpk_rocking.risk.lognormal import LognormalFit
 
-TOLERANCE = {"openquake": 5e-3, "levels": 1e-6, "pelicun": 4.0}
+TOLERANCE = {"openquake": 5e-3, "levels": 1e-3, "pelicun": 4.0}
 """Relative, of rates by levels 5 % apart and by the hazard's own three; of pelicun's in standard errors: 1e-3."""
 
 HAZARD = Hazard([0.1, 0.5, 2.0], [5e-2, 3e-3, 2.5e-5])
@@ -84,7 +84,7 @@ def curves():
             )
 
 
-def rate_by_pelicun(folder, curve):
+def rate_by_pelicun(folder, curve, seed):
     """Annual rate, and its standard error by sampling, by pelicun's damage calculation."""
     from pelicun import assessment, file_io
 
@@ -96,7 +96,7 @@ def rate_by_pelicun(folder, curve):
     dense = -np.diff(HAZARD(grid)) * np.sqrt(share * (1.0 - share))
     dense = np.append(0.0, np.cumsum(dense + 0.05 * dense.mean()))
     edges = np.interp(np.linspace(0.0, dense[-1], DEMANDS + 1), dense, grid)
-    own = assessment.Assessment({"PrintLog": False, "Seed": 1})
+    own = assessment.Assessment({"PrintLog": False, "Seed": seed})
     own.stories = 1
     demand = np.append(unit, np.sqrt(edges[1:] * edges[:-1]).astype(str))
     names = ["Units", *map(str, range(DEMANDS))]
@@ -154,26 +154,27 @@ def main():
             for_pelicun = stated if curve.fitted else annual_frequency(rising(curve), HAZARD).exported_rate
             dense = rate_by_openquake(folder, curve, enough_levels(risk))
             three = rate_by_openquake(folder, curve, HAZARD.intensity)
-            sampled, error = rate_by_pelicun(folder, curve)
+            sampled, error = rate_by_pelicun(folder, curve, seed=len(rows))
             off["openquake"].append(abs(dense / stated - 1.0))
             off["levels"].append(abs(three / rate_by_levels(curve, HAZARD.intensity, HAZARD.rate) - 1.0))
             off["pelicun"].append(abs(sampled - for_pelicun) / error)
             apart.append(abs(sampled / for_pelicun - 1.0))
             stated_text = f"{stated:.5g}" + f" ({for_pelicun:.5g} for pelicun)" * (for_pelicun != stated)
-            shown = [f"{dense:.5g}", f"{three / stated:.3g}", f"{sampled:.5g} ± {error:.1g}"]
+            shown = [f"{dense:.5g}", f"{three / stated:.3g}", f"{sampled:.5g} ± {error:.2g}"]
             rows.append([curve.measure, kind, stated_text, *shown])
             print(*rows[-1], sep=" | ", flush=True)
     versions = {package: importlib.metadata.version(package) for package in ("openquake.engine", "pelicun")}
     worst = {name: max(values) for name, values in off.items()}
+    percent = {name: 100.0 * value for name, value in worst.items()}
     job = JOB.replace("\n", "\n    ").rstrip()
     head = ["measure", "curve", "stated", "OpenQuake", "from three levels, times that stated", "pelicun"]
     report.write_section(
         "OpenQuake and pelicun",
         f"""**Result.** Of {len(rows)} exported curves OpenQuake's `classical_damage` gives the stated annual rate to
-{100.0 * worst["openquake"]:.1g} %, with the hazard at levels 5 % apart, and pelicun's damage calculation to
-{100.0 * max(apart):.1g} %, or {worst["pelicun"]:.2g} standard errors of its sample. From the three levels of the hazard alone OpenQuake
-gives up to {max(float(row[4]) for row in rows):.2g} times the stated rate, as the files say beforehand (to
-{worst["levels"]:.0e}).
+{percent["openquake"]:.1g} %, with the hazard at levels 5 % apart, and pelicun's damage calculation to
+{100.0 * max(apart):.1g} %, at most {worst["pelicun"]:.2g} standard errors of its sample. From the three levels of the
+hazard alone OpenQuake gives up to {max(float(row[4]) for row in rows):.2g} times the stated rate, and the files say so
+beforehand (to {percent["levels"]:.1g} %).
 
 OpenQuake engine {versions["openquake.engine"]}, pelicun {versions["pelicun"]}. Annual rates, 1/year, of curves by
 median and dispersion under [the tutorial's hazard curve](tutorials/fragility.md#the-study), in g or m/s. "Stated" is

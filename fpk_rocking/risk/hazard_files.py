@@ -158,7 +158,7 @@ def _rates(quantity, values, years):
     with np.errstate(divide="ignore"):
         rates = -np.log1p(-values) / years
     certain = int((values == 1.0).sum())
-    return rates, f"; {certain} of 1, which tell no rate, are left out" * bool(certain)
+    return rates, f"; those of 1 ({certain}) tell no rate and are left out" * bool(certain)
 
 
 def _of_openquake(comments, lines, site):

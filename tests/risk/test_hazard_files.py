@@ -1,12 +1,16 @@
 """Files of hazard curves: columns by their names, OpenQuake's export, and what is refused with what to write."""
 
+import json
 import math
 import re
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+from suites import SIZE, record
 
-from fpk_rocking.risk import Hazard
+from fpk_rocking import Block, NoNoise, Scene, cli
+from fpk_rocking.risk import Hazard, study, synthetic_records
 
 G = 9.80665
 LAW = lambda im: 1e-3 * im**-2.0  # noqa: E731
@@ -99,7 +103,7 @@ def test_a_time_may_stand_in_a_comment(tmp_path):
     assert hazard.rate == pytest.approx(-np.log1p([-0.1, -0.02, -1e-3]) / 50.0, rel=1e-12)
     certain = read(tmp_path, "PGA (g),poe in 50 years\n0.01,1\n0.1,0.1\n0.3,0.02\n1,0\n")
     assert (certain.intensity.tolist(), certain.end) == ([0.1, 0.3, 1.0], 1.0)
-    assert certain.note.endswith("probabilities in 50 years; 1 of 1, which tell no rate, are left out.")
+    assert certain.note.endswith("probabilities in 50 years; those of 1 (1) tell no rate and are left out.")
 
 
 NAMES = r"accepted: two numbers, or two names as in 'PGA \(g\),annual rate', 'PGV \(cm/s\),return period"
@@ -151,7 +155,9 @@ def test_a_hazard_curve_that_openquake_exports(tmp_path):
     assert hazard.intensity.tolist() == [0.1, 0.3, 1.0, 4.0]
     assert hazard.rate == pytest.approx([*LAW(LEVELS), 0.0], rel=1e-5)
     assert (hazard.measure, hazard.end) == ("PGA", 4.0)
-    assert hazard.note.startswith("It is OpenQuake's PGA at 9.15000,45.16667, from probabilities in 50 years; 1 of 1")
+    assert hazard.note.startswith(
+        "It is OpenQuake's PGA at 9.15000,45.16667, from probabilities in 50 years; those of 1"
+    )
     named = read(tmp_path, curves("a,9.15,45.17").replace("lon,", "custom_site_id,lon,").replace("PGA", "PGV"))
     assert named.intensity.tolist() == pytest.approx([0.001, 0.003, 0.01, 0.04])
     flat = read(tmp_path, curves("9,45", plateau=-math.expm1(-50.0 * LAW(0.1))))
@@ -179,3 +185,26 @@ def test_the_site_is_chosen_and_never_guessed(tmp_path):
         read(tmp_path, curves("1,2").replace("'PGA'", "'SA(1.0)'"))
     with pytest.raises(ValueError, match="got 1 lines below the names, accepted: sites with 8 columns each"):
         read(tmp_path, curves("1"))
+
+
+def test_the_command_takes_measure_and_site_of_the_file(tmp_path, capsys):
+    scene = Scene(Block(0.9, SIZE), record(0), NoNoise())
+    (tmp_path / "rack.toml").write_text(scene.to_toml())
+    (tmp_path / "h.csv").write_text(curves("9.15,45.16", "-70.5,-33.25"))
+    words = ["risk", str(tmp_path / "rack.toml"), "--synthetic", "5", "--hazard", str(tmp_path / "h.csv")]
+    assert cli.main(words) == 2
+    assert "site: got None, accepted: 'lon,lat' to .01°, or a number, of 1: 9.15,45.16; 2: " in capsys.readouterr().err
+    words.append("--site=-70.5,-33.25")
+    assert cli.main(words) == 2
+    said = "measure of the hazard: got 'PGA', accepted: PGV, that of the curve: a hazard of it, or measure='PGA' (--mea"
+    assert said in capsys.readouterr().err
+    assert cli.main([*words, "--measure", "PGA", "--json", "--out", str(tmp_path / "out")]) == 0
+    values = json.loads(capsys.readouterr().out)
+    hazard = Hazard.from_csv(tmp_path / "h.csv", site=2)
+    shaken = study(scene, synthetic_records(5), hazard, measure="PGA")
+    assert values["risk"]["rate"] == pytest.approx(shaken.risk.rate, rel=1e-12)
+    note = "It is OpenQuake's PGA at -70.5,-33.25, from probabilities in 50 years; those of 1 (1) tell no rate and are "
+    assert note in (tmp_path / "out" / "risk.txt").read_text(encoding="utf-8")
+    about = ET.parse(tmp_path / "out" / "rocking_block.xml").getroot()[0][0].text
+    assert f"OpenQuake takes a hazard at its levels alone: from the {hazard.intensity.size} of this study its " in about
+    assert "levels 5 % apart from " in about
