@@ -146,7 +146,13 @@ class Hazard:
             raise ValueError(f"{path}{'' if str(error).startswith(', line') else ': '}{error}") from None
 
     def check_measure(self, measure: str) -> None:
-        """Raise ValueError where this is the hazard of another measure than "PGA" or "PGV" that a curve is over."""
+        """Raise ValueError where this is the hazard of another measure than "PGA" or "PGV" that a curve is over.
+
+        Parameters
+        ----------
+        measure : str
+            That of the curve.
+        """
         if self.measure and measure != self.measure:
             accepted = f"{measure}, that of the curve: a hazard of it, or measure={self.measure!r} (--measure)"
             raise ValueError(checks.refusal("measure of the hazard", self.measure, accepted))
@@ -178,7 +184,13 @@ class Hazard:
         return logs, values, slopes
 
     def with_slopes(self, below: float, beyond: float) -> Self:
-        """Return the hazard with its exponents below the first and beyond the last point times two factors."""
+        """Return the hazard with other exponents below its first and beyond its last point.
+
+        Parameters
+        ----------
+        below, beyond : float
+            Factors of these two exponents, above 0.
+        """
         logs, _, slopes = self.laws
         rows = [(math.exp(logs[0]) / 2.0, self.rate[0] * 2.0 ** (below * slopes[0]))]
         rows += zip(self.intensity, self.rate, strict=True)
@@ -195,18 +207,36 @@ class Hazard:
         return f"{self.rate[0] * self.intensity[0] ** exponent:.4g} im^-{exponent:.4g}"
 
     def log_rate(self, y: Number) -> Number:
-        """Return ln of the annual rate at y = ln(intensity), or an array of them, as if no point had the rate 0."""
+        """Return ln of the annual rate as if no point had the rate 0.
+
+        Parameters
+        ----------
+        y : float or ndarray
+            ln(intensity).
+        """
         logs, values, slopes = self.laws
         place = np.searchsorted(logs, y)
         point = np.maximum(place - 1, 0)
         return values[point] - slopes[place] * (y - logs[point])
 
     def slope(self, y: Number) -> Number:
-        """Return the exponent of the power law at y = ln(intensity), or an array of them."""
+        """Return the exponent of the power law at an intensity.
+
+        Parameters
+        ----------
+        y : float or ndarray
+            ln(intensity).
+        """
         return self.laws[2][np.searchsorted(self.laws[0], y)]
 
     def last_log(self, y: float) -> float:
-        """Return ln of an intensity above all points at which the rate is less than 1e-12 of that at y = ln(im)."""
+        """Return ln of an intensity, above all points, at which the rate is less than 1e-12 of that at another.
+
+        Parameters
+        ----------
+        y : float
+            ln of the other.
+        """
         logs, values, slopes = self.laws
         return max(y, logs[-1] + max(values[-1] - self.log_rate(y) + TAIL * math.log(10.0), 0.0) / slopes[-1])
 
