@@ -288,7 +288,7 @@ def enough_levels(risk: Risk) -> Array:
 def levels_text(risk: Risk) -> str:
     """Return what OpenQuake makes of a `Risk` with the levels of its hazard, and with denser ones, as a sentence."""
     curve, hazard, levels = risk.curve, risk.hazard, enough_levels(risk)
-    own, dense = (rate_by_levels(curve, im, hazard(im)) for im in (hazard.intensity, levels))
+    own, dense = (rate_by_levels(curve, im, np.asarray(hazard(im))) for im in (hazard.intensity, levels))
     low, high = (100.0 if curve.measure == "PGV" else 1.0) * levels[[0, -1]]
     text = "OpenQuake takes a hazard at its levels alone: "
     text += f"from the {hazard.intensity.size} of this study its classical_damage gives {rate_text(own)}, "
