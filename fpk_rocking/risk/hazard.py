@@ -69,8 +69,9 @@ class Hazard:
             ("rate", "2 to 10,000 finite numbers, none below 0"),
         ):
             values = np.array(checks.sequence(f"hazard.{name}", getattr(self, name), accepted), float)
+            # `with_slopes` adds two.
             inside = values > 0.0 if name == "intensity" else values >= 0.0
-            if not 2 <= values.size <= 10_000 or not np.all(inside & np.isfinite(values)):
+            if not 2 <= values.size <= 10_002 or not np.all(inside & np.isfinite(values)):
                 raise ValueError(checks.refusal(f"hazard.{name}", getattr(self, name), accepted))
             object.__setattr__(self, name, values)
         if self.intensity.size != self.rate.size:

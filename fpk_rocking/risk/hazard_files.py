@@ -163,11 +163,11 @@ def _rates(quantity, values, years):
 
 def _of_openquake(comments, lines, site):
     """Return what `read` does of OpenQuake's hazard curves: a line of names, and one for each site."""
-    says = dict(re.findall(r"(\w+)\s*=\s*'?([^',\"]+)", comments))
+    says = dict(re.findall(r"""(\w+)\s*=\s*['"]?([^,'"]+)""", comments))
     measure, years = says.get("imt", ""), says.get("investigation_time", "")
-    if measure not in UNITS or not years:
-        got = f"imt={measure or 'nothing'}, investigation_time={years or 'nothing'}"
-        accepted = "imt='PGA' or 'PGV' and investigation_time in the comment of the first line"
+    if measure not in UNITS or not years or says.get("kind") == "std":
+        got = f"imt={measure or 'nothing'}, investigation_time={years or 'nothing'}, kind={says.get('kind', 'nothing')}"
+        accepted = "imt='PGA' or 'PGV' and investigation_time in the comment, and any kind but the deviation 'std'"
         raise ValueError(checks.refusal("hazard curves of OpenQuake", got, accepted))
     names = [name.strip() for name in lines[0][1].split(",")]
     levels = [place for place, name in enumerate(names) if name.startswith("poe-")]

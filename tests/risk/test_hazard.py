@@ -42,6 +42,8 @@ def test_a_hazard_ends_where_its_rate_is_0_and_does_not_fall_on_a_plateau():
     assert hazard(0.3) == pytest.approx(1e-2 * 1.5**-k)
     assert (hazard(0.79), hazard(0.8), hazard(5.0)) == (pytest.approx(1e-3 * (0.79 / 0.4) ** -k), 0.0, 0.0)
     assert hazard.exponents == pytest.approx([0.0, k])
+    many = np.geomspace(0.1, 2.0, 10_000)
+    assert Hazard(many, 1e-3 / many).with_slopes(0.5, 2.0).exponents[[0, -1]] == pytest.approx([0.5, 2.0])
     steeper = Hazard([0.1, 0.4], [1e-2, 1e-3]).with_slopes(0.5, 2.0)
     k = math.log(10.0) / math.log(4.0)
     assert steeper([0.05, 0.2, 0.8]) == pytest.approx([1e-2 * 2 ** (k / 2), 1e-2 * 2**-k, 1e-3 * 2 ** (-2 * k)])

@@ -160,6 +160,8 @@ def test_a_hazard_curve_that_openquake_exports(tmp_path):
     )
     named = read(tmp_path, curves("a,9.15,45.17").replace("lon,", "custom_site_id,lon,").replace("PGA", "PGV"))
     assert named.intensity.tolist() == pytest.approx([0.001, 0.003, 0.01, 0.04])
+    older = f'# mean, investigation_time=50.0, imt="PGA", checksum=3\n{curves("1,2").partition(chr(10))[2]}'
+    assert read(tmp_path, older).rate.tolist() == hazard.rate.tolist()
     flat = read(tmp_path, curves("9,45", plateau=-math.expm1(-50.0 * LAW(0.1))))
     assert flat.exponents[0] == 0.0
 
@@ -181,6 +183,8 @@ def test_the_site_is_chosen_and_never_guessed(tmp_path):
     for lost in ("imt='PGA'", "investigation_time=50.0, "):
         with pytest.raises(ValueError, match=r"OpenQuake: got 'imt=.*nothing.*accepted: imt='PGA' or 'PGV' and invest"):
             read(tmp_path, curves("1,2").replace(lost, ""))
+    with pytest.raises(ValueError, match=r"kind=std', accepted: .*, and any kind but the deviation 'std'"):
+        read(tmp_path, curves("1,2").replace("mean", "std"))
     with pytest.raises(ValueError, match="got 'imt=SA"):
         read(tmp_path, curves("1,2").replace("'PGA'", "'SA(1.0)'"))
     with pytest.raises(ValueError, match="got 1 lines below the names, accepted: sites with 8 columns each"):
