@@ -19,7 +19,7 @@ _EXAMPLES = "'PGA (g),annual rate', 'PGV (cm/s),return period (years)' or 'PGA (
 _QUANTITIES = {
     "return periods": r"period|\bt_?r\b|\brp\b",
     "probabilities": r"prob|poe",
-    "annual rates": r"rate|freq|\bafe\b|lambda|λ|per year|1/y|exceed",
+    "annual rates": r"rate|freq|\bafe\b|lambda|λ|per year|1/y|annual",
 }
 """What a second column is, by patterns of its name, the first that is found."""
 
@@ -43,7 +43,8 @@ _LISTED = 10
 def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, str]:
     """Return intensities and annual rates (n,), measure and note of the text of a file, as `Hazard.from_csv` says."""
     lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    comments = " ".join(line for _, line in lines if line.startswith("#"))
+    heads = [(number, line.lstrip("# ")) for number, line in lines if line.startswith("#")]
+    comments = " ".join(line for _, line in heads)
     lines = [(number, line) for number, line in lines if not line.startswith("#")]
     if lines and re.search(r"\bpoe-", lines[0][1]):
         return _of_openquake(comments, lines, site)
@@ -51,19 +52,23 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
         raise ValueError(checks.refusal("site", site, "none, as the file has one site"))
     if not lines:
         raise ValueError("got no numbers, accepted: lines of an intensity and a rate")
-    names = None
     if _numbers(lines[0][1]) is None:
-        names = _named(comments, *lines[0])
-        lines = lines[1:]
+        heads, lines = [lines[0]], lines[1:]
+    else:
+        heads = [head for head in heads if all(_columns(head[1])[1]) or all(_columns(head[1])[2])]
+    names = _named(comments, *heads[-1]) if heads else None
     rows = [_numbers(line) for _, line in lines]
     for (number, line), row in zip(lines, rows, strict=True):
         if row is None:
             raise ValueError(f", line {number}: got {line!r}, accepted: an intensity and a rate, two plain numbers")
     columns = np.array(rows, float).reshape(-1, 2).T
     if names is None:
-        _ask(columns[1])
-        note = "Its file names no columns: they were read as an intensity in the unit of the curve, and annual rates."
-        return *columns, "", note
+        _ask(columns[1], comments.lower())
+        said = {measure for measure in UNITS if re.search(rf"\b{measure}\b", comments, re.IGNORECASE)}
+        measure = said.pop() if len(said) == 1 else ""
+        note = f"Its file names no columns: they were read as {measure or 'an intensity'} in "
+        note += f"{next(iter(UNITS[measure])) if measure else 'the unit of the curve'}, and annual rates."
+        return *columns, measure, note
     first, quantity, time, factor, measure, unit = names
     intensity, values = columns[:: 1 if first else -1]
     order = np.argsort(intensity, kind="stable")
@@ -93,16 +98,25 @@ def _numbers(line):
     return None
 
 
-def _named(comments, number, line):
-    """Return whether the intensity comes first, quantity, time, factor, measure and unit by the names of columns."""
+def _columns(line):
+    """Return the two names of a line, and as pairs what intensity and quantity they are, in this order and the other.
+
+    A quantity is empty, and an intensity None, where the names are not such.
+    """
     names = next((parts for sign in (";", "\t", ",", None) if len(parts := line.lower().split(sign)) == 2), ("", ""))
     kinds = [next((kind for kind, form in _QUANTITIES.items() if re.search(form, name)), "") for name in names]
-    first = bool(kinds[1])
+    found = [None if re.search(_SPECTRAL, name) else re.search(_INTENSITY, name) for name in names]
+    return names, (found[0], kinds[1]), (found[1], kinds[0])
+
+
+def _named(comments, number, line):
+    """Return whether the intensity comes first, quantity, time, factor, measure and unit by the names of columns."""
+    names, *orders = _columns(line)
+    first = all(orders[0])
+    match, quantity = orders[not first]
     name, other = names if first else names[::-1]
-    match = re.search(_INTENSITY, name)
-    if all(kinds) or not any(kinds) or not match or re.search(_SPECTRAL, name):
+    if all(orders[0]) == all(orders[1]):
         raise ValueError(f", line {number}: got {line!r}, accepted: two numbers, or two names as in {_EXAMPLES}")
-    quantity = kinds[first]
     measure, unit = _measured(number, match, name[match.end() :].replace("_per_", "/"))
     time, common = re.search(_TIME, other), re.search(r"investigation_time\s*[=:]\s*([\d.]+)", comments)
     years = float(time[1]) if time else 1.0 if "annual" in other else float(common[1]) if common else 0.0
@@ -126,11 +140,13 @@ def _measured(number, match, rest):
     return measures[0], unit
 
 
-def _ask(values):
+def _ask(values, comments):
     """Raise ValueError for a column without a name that may be one of return periods or probabilities."""
     steps = np.diff(values)
     what = ""
-    if values.size > 1 and (steps > 0.0).all():
+    if re.search(f"{_QUANTITIES['return periods']}|{_QUANTITIES['probabilities']}", comments):
+        what = "while a comment speaks of return periods or probabilities"
+    elif values.size > 1 and (steps > 0.0).all():
         what = "that rise, as return periods do"
     elif values.size > 1 and ({*values} <= _USUAL or {*np.round(values / 100.0, 9)} <= _USUAL):
         what = "of which maps are drawn as probabilities in 50 years"

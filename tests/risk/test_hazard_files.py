@@ -92,6 +92,21 @@ def test_the_first_line_says_what_the_other_column_is(tmp_path, name, values, fi
     assert hazard.intensity == pytest.approx(LEVELS, rel=1e-12)
 
 
+def test_a_comment_may_name_the_columns_or_the_measure(tmp_path):
+    named = read(tmp_path, "# site 3\n# PGA (m/s2), return period (years)\n1,475\n2,2475\n")
+    assert (named.intensity.tolist(), named.measure) == (pytest.approx([1 / G, 2 / G]), "PGA")
+    assert named.rate.tolist() == [1 / 475, 1 / 2475]
+    told = read(tmp_path, "# PGA at Pavia\n0.1,3e-3\n0.3,2e-4\n")
+    assert (told.measure, told.note) == (
+        "PGA",
+        "Its file names no columns: they were read as PGA in g, and annual rates.",
+    )
+    with pytest.raises(ValueError, match=r"got 0\.003, .*, while a comment speaks of return periods or prob.*accepted"):
+        read(tmp_path, "# probabilities in 50 years\n0.1,3e-3\n0.3,2e-4\n")
+    with pytest.raises(ValueError, match="line 1: unit of the intensity: got 'cm/s', accepted: g, "):
+        read(tmp_path, "# PGA (cm/s), annual rate\n0.1,3e-3\n0.3,2e-4\n")
+
+
 def test_two_points_of_a_national_map(tmp_path):
     hazard = read(tmp_path, "return period (years);PGA (g)\n475;0,16\n2475;0,31\n")
     assert (hazard.intensity.tolist(), hazard.rate.tolist()) == ([0.16, 0.31], [1 / 475, 1 / 2475])
@@ -122,6 +137,8 @@ ASKED = r"accepted: a first line that names the columns, as 'PGA \(g\),annual ra
         ("0.1 g,5e-2\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got '0.1 g,5e-2', {NAMES}"),
         ("x,y\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'x,y', {NAMES}"),
         ("spectral acceleration (g),rate\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'spectral .*', {NAMES}"),
+        ("PGA (g),exceedance\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'PGA .g.,exceedance', {NAMES}"),
+        ("PGA rate,PGV rate\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'PGA rate,PGV rate', {NAMES}"),
         ("SA(1.0),rate\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'SA.*', {NAMES}"),
         ("PGA (cm/s),rate\n0.2,1e-3\n", r"line 1: unit of the intensity: got 'cm/s', accepted: g, m/s², cm/s², %g"),
         ("PGA (g),poe\n0.2,1e-1\n", "line 1: got 'PGA .g.,poe', accepted: its time too, as in 'probability in 50 y"),
