@@ -193,7 +193,7 @@ class Hazard:
             Factors of these two exponents, above 0.
         """
         logs, _, slopes = self.laws
-        rows = [(math.exp(logs[0]) / 2.0, self.rate[0] * 2.0 ** (below * slopes[0]))]
+        rows = [(math.exp(logs[0]) / 2.0, self.rate[0] * 2.0 ** min(below * slopes[0], 900.0))]
         rows += zip(self.intensity, self.rate, strict=True)
         if math.isinf(self.end):
             rows.append((2.0 * self.intensity[-1], self.rate[-1] * 2.0 ** (-beyond * slopes[-1])))
@@ -266,6 +266,9 @@ def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
         gained = hazard.log_rate(first - away * spread) - hazard.log_rate(first)
         away = math.sqrt(TAIL**2 + 2.0 * max(gained, 0.0))
     low, high = max(first - away * spread, -LARGEST), min(hazard.last_log(last), LARGEST)
+    if hazard.log_rate(low) > LARGEST:
+        accepted = "less, as its law goes on below the points, to infinite rates: give lower intensities"
+        raise ValueError(checks.refusal("lowest exponent of the hazard", round(float(hazard.laws[2][0]), 1), accepted))
     ends = np.unique(np.concatenate([[low, last, high], points[(points > low) & (points < high)]]))
     middles = 0.5 * (ends[1:] + ends[:-1])
     # Where the hazard does not fall nothing happens; beyond the curve its power law alone is integrated.
@@ -297,7 +300,7 @@ def shares_of_rate(probability: Callable[[Array], Array], hazard: Hazard, edges:
     y, weights = gauss_nodes(edges)
     share = weights * rate_density(probability, hazard, y)
     # A law that hardly falls has a part beyond.
-    share[-1] += math.exp(hazard.log_rate(edges[-1])) * probability(np.exp(y[-1:]))[0]
+    share[-1] += np.exp(hazard.log_rate(edges[-1])) * probability(np.exp(y[-1:]))[0]
     return y, share
 
 
@@ -330,7 +333,8 @@ def lognormal_rates(replicates: Array, hazard: Hazard, first: float, last: float
     turned = low > 0.0
     low, high = np.where(turned, -high, low), np.where(turned, -low, high)
     factor = hazard.log_rate(at) + k * (at - middle) + 0.5 * (k * spread) ** 2
-    parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
+    with np.errstate(over="ignore"):
+        parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
     # Up to where the hazard ends, all that is exceeded there counts.
     rates = np.exp(hazard.log_rate(ends[[0, -1]])) * [1.0, last < math.log(hazard.end)]
     left, right = (rates * special.ndtr(away[:, [0, -1]])).T

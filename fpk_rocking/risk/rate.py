@@ -15,6 +15,7 @@ carry it. "None": where there is none.
 
 import dataclasses
 import functools
+import itertools
 import math
 from typing import Any
 
@@ -131,9 +132,13 @@ class Risk(Result):
     @functools.cached_property
     def by_other_slopes(self) -> tuple[float, float]:
         """Least and largest rate, 1/year, if the hazard fell half or twice as steeply beyond each of its ends."""
-        factors = ((below, beyond) for below in (0.5, 2.0) for beyond in (0.5, 2.0))
-        rates = [self.rate, *(_shares(self.curve, self.hazard.with_slopes(*pair))[1].sum() for pair in factors)]
-        return float(min(rates)), float(max(rates))
+        rates = [self.rate]
+        for factors in itertools.product((0.5, 2.0), repeat=2):
+            try:
+                rates.append(float(_shares(self.curve, self.hazard.with_slopes(*factors))[1].sum()))
+            except ValueError:
+                rates.append(math.inf)  # the law below is too steep
+        return min(rates), max(rates)
 
     def _other_unit(self):
         """Return a question, whether the hazard is in another unit, where that would fit its points; else empty."""

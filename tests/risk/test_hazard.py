@@ -116,6 +116,16 @@ def test_motions_without_noise_under_a_hazard_that_ends():
     assert none.title.endswith("): by the hazard nothing exceeds PGV 1 m/s")
 
 
+def test_a_law_that_gives_infinite_rates_is_refused():
+    with pytest.raises(
+        ValueError, match=r"^lowest exponent of the hazard: got 132\.9, accepted: less, as its law goes"
+    ):
+        annual_frequency(curve_of(), Hazard([0.5, 0.51, 2.0], [1e-2, 7.2e-4, 1e-4]))
+    steep = annual_frequency(curve_of(0.7, 1.0), Hazard([0.5, 0.6], [1e-2, 1e-3]))
+    assert math.isfinite(steep.rate)
+    assert steep.by_other_slopes[1] == math.inf
+
+
 def test_a_hazard_of_another_measure_is_refused():
     """That of PGA, taken as one of PGV, gave 7.9e-5 for 2.0e-4 a year."""
     with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PGV, that of the curve: a haz"):
