@@ -102,7 +102,8 @@ class Risk(Result):
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic`: large shares of the rate from beyond the points of hazard or fragility.
 
-        Above .05 there is caution, above .5 the rate is not to be used: it is then made of an extrapolation.
+        Above .05 there is caution. Above .5 the rate is made of an extrapolation and not to be used: for the hazard, if
+        `by_other_slopes` differ by more than a factor of 7, or another unit of its intensities would fit.
         """
         lognormal = "its lognormal curve goes on"
         points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
@@ -142,16 +143,25 @@ class Risk(Result):
 
     def _other_unit(self):
         """Return a question, whether the hazard is in another unit, where that would fit its points; else empty."""
+        if self.hazard.measure and "no unit" not in self.hazard.note:
+            return ""
         low, high = self.hazard.intensity[[0, -1]].tolist()
         for unit, factor in UNITS[self.curve.measure].items():
             read = Hazard(self.hazard.intensity * factor, self.hazard.rate)
             # The strongest recorded motions have less than 5 g, the fastest some 3 m/s.
-            if factor < 1.0 and high * factor <= 10.0 and annual_frequency(self.curve, read).beyond_hazard <= 0.5:
+            if factor < 1.0 and high * factor <= 10.0 and self._beyond(read) <= 0.5:
                 return (
                     f"Are the intensities of the hazard in {unit}? They were read in {self.curve.unit}, as {low:.4g} "
                     f"to {high:.4g}; in {unit} they are {low * factor:.4g} to {high * factor:.4g} {self.curve.unit}."
                 )
         return ""
+
+    def _beyond(self, hazard):
+        """Return `beyond_hazard` of another hazard; 1 of one that is refused."""
+        try:
+            return annual_frequency(self.curve, hazard).beyond_hazard
+        except ValueError:
+            return 1.0
 
     @property
     def rate_error(self) -> float:
@@ -330,7 +340,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
         (min(low, rate), max(high, rate)) if curve.by_points else (low, high),
         edges,
         contribution,
-        share_beyond(y, share, hazard.intensity),
+        share_beyond(y, share, [hazard.intensity[0], math.inf if math.isfinite(hazard.end) else hazard.intensity[-1]]),
         share_beyond(y, share, curve.intensity),
         share_beyond(y, share, [curve.intensity[0], math.inf]),
         curve,

@@ -91,6 +91,8 @@ def test_rates_of_plateaus_and_zeros_are_the_integral_of_each_piece(name, fitted
     risk = annual_frequency(curve, hazard)
     assert risk.rate == pytest.approx(exact, rel=1e-9)
     assert risk.exported_rate == pytest.approx(exact, rel=1e-9)
+    if not hazard.rate[-1]:  # what is exceeded where it ends is no extrapolation
+        assert risk.beyond_hazard < 0.1
     if fitted:
         assert risk.interval == pytest.approx((exact, exact), rel=1e-9)
     if "hardly" not in name:
@@ -130,6 +132,11 @@ def test_a_hazard_of_another_measure_is_refused():
     """That of PGA, taken as one of PGV, gave 7.9e-5 for 2.0e-4 a year."""
     with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PGV, that of the curve: a haz"):
         annual_frequency(curve_of(), Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGA"))
+    # Where the unit is known, no other one is asked for.
+    far = {"intensity": 100.0 * np.geomspace(0.02, 6.0, 20), "rate": np.geomspace(1e-1, 1e-6, 20)}
+    asked, known = (annual_frequency(curve_of(), Hazard(**far, measure=name)).sentences[1] for name in ("", "PGV"))
+    assert asked.startswith("Are the intensities of the hazard in cm/s?")
+    assert known.startswith("91 % of the rate come from")
     own = Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGV", note="Read so.")
     assert " count as known. Read so. " in annual_frequency(curve_of(), own).sentences[0]
 
