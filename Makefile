@@ -72,7 +72,7 @@ bench-full: bench slow  ## the slow tests, and the benchmarks that take longer
 peers: $(PEERS)/.installed  ## other packages on problems they can state, into docs/validation.md, about ten minutes
 	$(PEERS)/bin/python benchmarks/peers.py
 
-interop: $(INTEROP)/.installed  ## fragility curves as OpenQuake and pelicun read them, and a calculation of OpenQuake
+interop: $(INTEROP)/.installed  ## annual rates of exported curves by the calculations of OpenQuake and pelicun
 	$(INTEROP)/bin/python benchmarks/interop.py
 
 lint: $(STAMP)  ## ruff: rules and format; mypy: types

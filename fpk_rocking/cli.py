@@ -95,8 +95,8 @@ def command_line() -> argparse.ArgumentParser:
     options += " --uncertain --blocks --workers --store --records --units --baseline --corner-hz"
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
-    options = "scene --set --records --hazard --intensities --measure --units --realizations --keep-noise --synthetic"
-    options += " --baseline --corner-hz --uncertain --blocks --workers --store --name --seed --out --json"
+    options = "scene --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
+    options += " --synthetic --baseline --corner-hz --uncertain --blocks --workers --store --name --seed --out --json"
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser
@@ -238,7 +238,7 @@ def _risk(options):
         result = study(
             scene_of(options, options.scene),
             records,
-            None if options.hazard is None else hazard_of(options.hazard),
+            None if options.hazard is None else hazard_of(options.hazard, options.site),
             intensities,
             scale_noise=not options.keep_noise,
             uncertain=distributions(options),

@@ -96,8 +96,10 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise, and needs no
                         forcing
 --synthetic N:int       in place of records: as many synthetic motions on firm ground
---hazard FILE|K0:K      file of two columns, intensity (g or m/s) and annual rate of exceedance; or K0:K for the hazard
+--hazard FILE|K0:K      file of two columns, intensity (g or m/s) and annual rate of exceedance, or what its first line
+                        names, as PGA (cm/s2),return period (years); OpenQuake's hazard curves; or K0:K for the hazard
                         K0 im^-K; without one there is a curve and no rate
+--site LON,LAT|N        site of OpenQuake's hazard curves: --site=LON,LAT in degrees, or its number from 1
 --intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default: 12 over the
                         range in which the motions overturn the block)
 --measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
@@ -148,17 +150,18 @@ class Version(argparse.Action):
         parser.exit(0)
 
 
-def hazard_of(text):
-    """Return the hazard of a text K0:K, or the text itself where it is the name of a file."""
+def hazard_of(text, site=None):
+    """Return the hazard of a text K0:K, or of the file of this name, at a site of it."""
     from fpk_rocking.risk.hazard import Hazard
 
     rate, colon, exponent = text.partition(":")
     try:
-        return Hazard.power_law(float(rate), float(exponent)) if colon else text
+        if colon and site is None:
+            return Hazard.power_law(float(rate), float(exponent))
     except ValueError as error:
-        if pathlib.Path(text).exists():
-            return text
-        raise ValueError(f"--hazard: got {text!r}, accepted: a file, or K0:K ({error})") from None
+        if not pathlib.Path(text).exists():
+            raise ValueError(f"--hazard: got {text!r}, accepted: a file, or K0:K ({error})") from None
+    return Hazard.from_csv(text, site)
 
 
 def distributions(options):

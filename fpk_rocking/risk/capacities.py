@@ -33,7 +33,7 @@ _STEADY = 0.3
 """Standard error of ln β above which a row has no dispersion of its own."""
 
 _SETS, _COMPLETE_SETS = 399, 9999
-"""Suites that the distribution of the test is simulated with; where all capacities are complete they cost nothing."""
+"""Suites that the distribution of the test is simulated with; where all capacities are exact they cost nothing."""
 
 
 class Capacities(NamedTuple):
@@ -153,8 +153,8 @@ class Capacities(NamedTuple):
         return cls(low, high, middle, error, motion, noise, scatter / (2.0 * noise))
 
     @property
-    def complete(self) -> Array:
-        """Motions with a capacity within the scales, an ascending array of int."""
+    def located(self) -> Array:
+        """Numbers of the motions whose capacity lies within the scales, ascending."""
         return np.unique(self.motion[np.isfinite(self.error) | (np.isfinite(self.low) & np.isfinite(self.high))])
 
     @property

@@ -1,5 +1,11 @@
-"""Fragility curves in the formats of OpenQuake (NRML 0.5) and pelicun."""
+"""Fragility curves in the formats of OpenQuake (NRML 0.5) and pelicun, and what OpenQuake makes of hazard levels.
 
+Both programs join points by straight lines in the intensity, and nothing lies below the first. Points are therefore
+written at more levels than they were computed at: along lines in ln(intensity), and along the tail below the lowest.
+"""
+
+import dataclasses
+import itertools
 import json
 import math
 import pathlib
@@ -8,15 +14,34 @@ from collections.abc import Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import scipy
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import File
+from fpk_rocking.base.checks import Array, File
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import Trust
 from fpk_rocking.risk.population import IntensityCurve
+from fpk_rocking.risk.rate import Risk, rate_text
 
 _TAKEN = "risk", "curve", "motions"
 """Names whose files would replace others of a study: risk.json, curve.csv, motions.csv."""
+
+_STEP, _TAIL = 0.03, 5.0
+"""Levels of a curve of points lie no farther apart in ln(intensity), down to so many dispersions below its median."""
+
+_FARTHEST = 12.0
+"""Levels of a curve of points begin no farther below the lowest in ln(intensity)."""
+
+_DIRECTIONAL = (
+    "Demand-Directional is 1: the demand is that in the plane of the block, as it is. A demand without a direction (0, "
+    "as of FEMA's items) pelicun takes as 1.2 times the larger of two."
+)
+
+_CROSSING = 0.01
+"""Difference up to which a severer limit state may be likelier than a milder one: fits cross in their tails."""
+
+_RISE, _APART = 1e-6, 2e-5
+"""Least rise of probability, and relative step of intensity, of points for pelicun, which rounds them to six digits."""
 
 NAMES = rf"(?!(?:{'|'.join(_TAKEN)})$)[A-Za-z0-9_-]{{1,75}}"
 """Regular expression of a name that the formats take."""
@@ -27,8 +52,9 @@ def to_nrml(
 ) -> None:
     """Write curves as the limit states of one fragility function in OpenQuake's NRML 0.5.
 
-    The function is continuous (lognormal) where each curve has a lognormal fit that is not rejected, else discrete: the
-    points as they are. PGA is in g, PGV in cm/s.
+    The function is continuous (lognormal) where each curve has a lognormal fit that is not rejected, else discrete:
+    the points, with others between and below them on the curve that `IntensityCurve.along` gives, as OpenQuake joins
+    levels by straight lines. PGA is in g, PGV in cm/s.
 
     Parameters
     ----------
@@ -46,7 +72,9 @@ def to_nrml(
     Raises
     ------
     ValueError
-        There is no curve, their measures or, where discrete, intensities differ, or the name is not accepted.
+        There is no curve, their measures or intensities differ, the name is not accepted, or a severer limit state is
+        likelier than the one before it by more than .01 at some intensity: OpenQuake would count negative shares. Up to
+        that the description says so.
 
     Examples
     --------
@@ -64,19 +92,18 @@ def to_nrml(
     states = [_identifier(curve.name) for curve in curves]
     root = ET.Element("nrml", xmlns="http://openquake.org/xmlns/nrml/0.5")
     model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
-    unit = " PGV in this file is in cm/s." * (measure == "PGV")
-    ET.SubElement(model, "description").text = _described(curves[-1], description, trust) + unit
-    ET.SubElement(model, "limitStates").text = " ".join(states)
+    levels, rows = _levels(curves)
     fitted = all(curve.fitted for curve in curves)
+    said = _crossing(curves, levels, rows) + " PGV in this file is in cm/s." * (measure == "PGV")
+    if not fitted:
+        said += f" The curve stands here at {levels.size} levels, for straight lines between them."
+    ET.SubElement(model, "description").text = _described(curves[-1], description, trust) + said
+    ET.SubElement(model, "limitStates").text = " ".join(states)
     kind: dict[str, str] = {"format": "continuous", "shape": "logncdf"} if fitted else {"format": "discrete"}
     function = ET.SubElement(model, "fragilityFunction", kind, id=name)
-    intensity = factor * curves[0].intensity
-    imls = ET.SubElement(function, "imls", imt=measure, noDamageLimit=repr(1e-6 * float(intensity[0])))
+    imls = ET.SubElement(function, "imls", imt=measure, noDamageLimit=repr(factor * float(levels[0])))
     if fitted:
-        # OpenQuake samples a few intensities of this range, and takes the probability beyond it as constant: it spans
-        # probabilities from 5e-7 to 1 - 5e-7.
-        low = min(curve.fit.median * math.exp(-4.9 * curve.fit.dispersion) for curve in curves)
-        high = max(curve.fit.median * math.exp(4.9 * curve.fit.dispersion) for curve in curves)
+        low, high = _range(curves)
         imls.set("minIML", repr(factor * low))
         imls.set("maxIML", repr(factor * high))
         imls.set("noDamageLimit", repr(factor * low))
@@ -86,9 +113,9 @@ def to_nrml(
             deviation = mean * math.sqrt(math.expm1(spread**2))
             ET.SubElement(function, "params", ls=state, mean=repr(mean), stddev=repr(deviation))
     else:
-        imls.text = _numbers(intensity)
-        for state, curve in zip(states, curves, strict=True):
-            ET.SubElement(function, "poes", ls=state).text = _numbers(curve.probability)
+        imls.text = _numbers(factor * levels)
+        for state, row in zip(states, rows, strict=True):
+            ET.SubElement(function, "poes", ls=state).text = _numbers(row)
     ET.indent(root)
     write_text(path, '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n")
 
@@ -96,7 +123,9 @@ def to_nrml(
 def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = "", trust: Trust | None = None) -> None:
     """Write a curve as a row of pelicun's fragility table (CSV), with its description beside it (JSON).
 
-    Lognormal where the curve has a fit that is not rejected, else the points (``multilinear_CDF``).
+    Lognormal where the curve has a fit that is not rejected, else the points (``multilinear_CDF``), with others between
+    and below them, where they do not fall. The demand is directional: that in the plane of the block. Of one that is
+    not, as in FEMA's own items, pelicun takes 1.2 times the larger of two directions.
 
     Parameters
     ----------
@@ -137,12 +166,13 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
         family, second = "multilinear_CDF", ""
         points = _distribution(curve)
         first = '"' + "|".join(",".join(map(repr, values.tolist())) for values in points) + '"'
+    # pelicun multiplies a demand without a direction by 1.2.
     header = "ID,Incomplete,Demand-Type,Demand-Unit,Demand-Offset,Demand-Directional,LS1-Family,LS1-Theta_0,LS1-Theta_1"
     trust = trust or curve.trust
-    row = f"{name},0,{demand},{unit},0,0,{family},{first},{second},,{trust.verdict}"
+    row = f"{name},0,{demand},{unit},0,1,{family},{first},{second},,{trust.verdict}"
     write_text(path, f"{header},LS1-DamageStateWeights,Verdict\n{row}\n")
     about = {
-        "Description": _described(curve, description, trust),
+        "Description": f"{_described(curve, description, trust)} {_DIRECTIONAL}",
         "Verdict": trust.plain,
         "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
     }
@@ -166,13 +196,63 @@ def _same(curves):
     return curves
 
 
+def _levels(curves):
+    """Return levels (n,) between which straight lines are good enough, and the probabilities (s, n) of curves there."""
+    places = np.log(curves[0].intensity)
+    below = max(curve.tail * (scipy.special.ndtri(min(curve.probability[0], 0.99)) + _TAIL) for curve in curves)
+    ends = np.concatenate([[places[0] - min(max(below, _STEP), _FARTHEST)], [places[0] - 1e-4], places])
+    parts = (np.linspace(a, b, math.ceil((b - a) / _STEP), endpoint=False) for a, b in itertools.pairwise(ends))
+    logs = np.append(np.concatenate(list(parts)), places[-1])
+    # The points themselves keep all their digits.
+    point = np.clip(np.searchsorted(places, logs - 1e-9), 0, places.size - 1)
+    levels = np.where(np.abs(places[point] - logs) < 1e-9, curves[0].intensity[point], np.exp(logs))
+    return levels, np.array([curve.along(curve.probability, levels) for curve in curves])
+
+
+def _range(curves):
+    """Return (low, high) intensities between which OpenQuake takes lognormal curves: from 5e-7 to 1 - 5e-7."""
+    low = min(curve.fit.median * math.exp(-4.9 * curve.fit.dispersion) for curve in curves)
+    return low, max(curve.fit.median * math.exp(4.9 * curve.fit.dispersion) for curve in curves)
+
+
+def _crossing(curves, levels, rows):
+    """Return by how much a severer state is likelier than the one before, a sentence; ValueError if by too much."""
+    if all(curve.fitted for curve in curves):
+        low, high = _range(curves)
+        levels = np.geomspace(low, high, 500)
+        rows = np.array([curve.fit(levels) for curve in curves])
+    above = np.diff(rows, axis=0)
+    if len(curves) < 2 or above.max() <= _RISE:
+        return ""
+    state, level = np.unravel_index(above.argmax(), above.shape)
+    where = f"at {curves[0].measure} {levels[level]:.3g} {curves[0].unit}"
+    text = f"'{curves[state + 1].name}' likelier than '{curves[state].name}' by {above.max():.2g} {where}"
+    if above.max() > _CROSSING:
+        accepted = f"the milder state first, and no more than {_CROSSING} by which the severer one is likelier"
+        raise ValueError(checks.refusal("curves", text, accepted))
+    return f" The states cross: {text}; OpenQuake counts that as a negative share."
+
+
+def rising(curve: IntensityCurve) -> IntensityCurve:
+    """Return a curve with points that do not fall, each the largest up to it."""
+    return dataclasses.replace(curve, probability=np.maximum.accumulate(curve.probability))
+
+
 def _distribution(curve):
     """Return (intensities, probabilities), (n,) each, of an `IntensityCurve`, as pelicun wants them."""
-    # Without shaking no block overturns.
-    x, y = np.append(0.0, curve.intensity), np.append(0.0, np.maximum.accumulate(curve.probability))
-    rises = np.diff(y) > 0.0
-    needed = np.append(False, rises) | (np.append(rises, False) & (y == 0.0))
-    return x[needed], y[needed]
+    levels, (row,) = _levels([rising(curve)])
+    x, y, last = [0.0], [0.0], 0.0  # without shaking no block overturns
+    for place, share in zip(levels.tolist(), row.tolist(), strict=True):
+        if share < _RISE:
+            x = [place]
+        elif share - y[-1] > 4.0 * _RISE and (share <= 1.0 - 4.0 * _RISE or share == 1.0):
+            # A plateau may rise by the least that pelicun takes.
+            for point in ((last, y[-1] + 2.0 * _RISE), (place, share)):
+                if point[0] > (1.0 + _APART) * x[-1] + 1e-7:
+                    x.append(point[0])
+                    y.append(point[1])
+        last = place
+    return np.array(x), np.array(y)
 
 
 def not_for_pelicun(curve: IntensityCurve) -> str:
@@ -181,6 +261,39 @@ def not_for_pelicun(curve: IntensityCurve) -> str:
         return ""
     accepted = "1, which pelicun asks of a curve without a lognormal fit: give higher intensities"
     return checks.refusal("probability at the highest intensity", float(curve.probability[-1]), accepted)
+
+
+def rate_by_levels(curve: IntensityCurve, intensity: Array, rate: Array) -> float:
+    """Return the annual rate of OpenQuake's `classical_damage` from a hazard at levels alone.
+
+    At a level counts half of what is exceeded between its neighbours, and nothing that exceeds the last one.
+
+    Parameters
+    ----------
+    curve : IntensityCurve
+    intensity, rate : ndarray, shape (n,)
+        Levels, ascending, in the unit of the curve, and the annual rates of exceedance there.
+    """
+    means = np.convolve(np.concatenate([rate[:1], rate, rate[-1:]]), [0.5, 0.5], "valid")
+    return float(-np.diff(means) @ curve(intensity))
+
+
+def enough_levels(risk: Risk) -> Array:
+    """Return levels (n,) 5 % apart, of which OpenQuake gives the rate: up to where a thousandth of it is exceeded."""
+    above = np.geomspace(risk.edges[-1], 1e3 * risk.edges[-1], 400)
+    last = above[np.argmax(risk.hazard(above) < 1e-3 * risk.exported_rate)]
+    return risk.edges[0] * 1.05 ** np.arange(math.ceil(math.log(last / risk.edges[0]) / math.log(1.05)) + 1)
+
+
+def levels_text(risk: Risk) -> str:
+    """Return what OpenQuake makes of a `Risk` with the levels of its hazard, and with denser ones, as a sentence."""
+    curve, hazard, levels = risk.curve, risk.hazard, enough_levels(risk)
+    own, dense = (rate_by_levels(curve, im, np.asarray(hazard(im))) for im in (hazard.intensity, levels))
+    low, high = (100.0 if curve.measure == "PGV" else 1.0) * levels[[0, -1]]
+    text = "OpenQuake takes a hazard at its levels alone: "
+    text += f"from the {hazard.intensity.size} of this study its classical_damage gives {rate_text(own)}, "
+    text += f"from {levels.size} levels 5 % apart from {low:.3g} to {high:.3g} "
+    return text + f"{'cm/s' if curve.measure == 'PGV' else curve.unit} {rate_text(dense)}."
 
 
 def check_name(name: str) -> None:

@@ -4,9 +4,9 @@ The integrals, for `rate`, are annual rates, their limits, and what parts of the
 """
 
 import dataclasses
+import functools
 import itertools
 import math
-import re
 from collections.abc import Callable, Sequence
 from typing import Self
 
@@ -14,21 +14,35 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Number
+from fpk_rocking.risk.hazard_files import read
+from fpk_rocking.risk.motions import MEASURES
 from fpk_rocking.risk.population import IntensityCurve
+
+_LAST = "a rate that falls to the last point, as the last power law goes on; or 0 there"
+
+LARGEST = 690.0
+"""Largest ln(intensity) whose intensity is a number."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Hazard:
     """Annual rate at which the ground motion exceeds an intensity, a power law between points and beyond the last ones.
 
+    Before a rate of 0 the last power law goes on to the intensity of that point, from where nothing is exceeded.
+
     Parameters
     ----------
     intensity : array_like, shape (n,)
         Intensities in the unit of the curve they are used with (g or m/s), ascending, above 0, at least two.
     rate : array_like, shape (n,)
-        Annual rate of exceedance at each, 1/year, above 0, descending.
+        Annual rate of exceedance at each, 1/year: above 0 at two points or more, nowhere rising, and falling to the
+        last. Of a return period T, years, it is 1/T; of a probability p in t years -ln(1 - p)/t.
     source : str
         Where it is from, such as the name of a file.
+    measure : str
+        "PGA" (in g) or "PGV" (in m/s), and no curve of the other one is taken; empty where it is not known.
+    note : str
+        How a file was read, a sentence.
 
     Raises
     ------
@@ -46,24 +60,40 @@ class Hazard:
     intensity: np.ndarray
     rate: np.ndarray
     source: str = ""
+    measure: str = ""
+    note: str = ""
 
     def __post_init__(self):
-        for name in ("intensity", "rate"):
-            accepted = "2 to 10,000 finite numbers above 0"
+        for name, accepted in (
+            ("intensity", "2 to 10,000 finite numbers above 0"),
+            ("rate", "2 to 10,000 finite numbers, none below 0"),
+        ):
             values = np.array(checks.sequence(f"hazard.{name}", getattr(self, name), accepted), float)
-            if not 2 <= values.size <= 10_000 or not np.all((values > 0.0) & np.isfinite(values)):
+            # `with_slopes` adds two.
+            inside = values > 0.0 if name == "intensity" else values >= 0.0
+            if not 2 <= values.size <= 10_002 or not np.all(inside & np.isfinite(values)):
                 raise ValueError(checks.refusal(f"hazard.{name}", getattr(self, name), accepted))
             object.__setattr__(self, name, values)
         if self.intensity.size != self.rate.size:
             raise ValueError(
                 checks.refusal("hazard.rate", f"{self.rate.size} rates", f"{self.intensity.size}, one each")
             )
-        for name, sign in (("intensity", 1.0), ("rate", -1.0)):
-            steps = sign * np.diff(getattr(self, name))
-            if not np.all(steps > 0.0):
-                place = int(np.argmin(steps > 0.0)) + 1
-                accepted = f"values that {'rise' if sign > 0.0 else 'fall'} strictly"
+        if self.measure not in ("", *MEASURES):
+            raise ValueError(checks.refusal("hazard.measure", self.measure, f"{', '.join(MEASURES)}, or empty"))
+        steps = np.diff(self.intensity), -np.diff(self.rate)
+        if (steps[1] < 0.0).all():
+            accepted = "rates, which fall; return periods rise: a rate is 1/period"
+            raise ValueError(checks.refusal("hazard.rate", self.rate.tolist(), accepted))
+        for name, kept, accepted in (
+            ("intensity", steps[0] > 0.0, "values that rise strictly"),
+            ("rate", steps[1] >= 0.0, "values that do not rise"),
+            ("rate", np.append(np.full(steps[1].size - 1, True), steps[1][-1] > 0.0 or not self.rate[-1]), _LAST),
+        ):
+            if not kept.all():
+                place = int(kept.argmin()) + 1
                 raise ValueError(checks.refusal(f"hazard.{name}[{place}]", float(getattr(self, name)[place]), accepted))
+        if (self.rate > 0.0).sum() < 2:
+            raise ValueError(checks.refusal("hazard.rate", self.rate.tolist(), "at least two rates above 0"))
 
     @classmethod
     def power_law(cls, rate: float, exponent: float) -> Self:
@@ -81,53 +111,93 @@ class Hazard:
         return cls(ends, rate * ends**-exponent)
 
     @classmethod
-    def from_csv(cls, path: File) -> Self:
-        """Read a hazard curve from a file of two columns: intensity, and annual rate of exceedance.
+    def from_csv(cls, path: File, site: str | int | None = None) -> Self:
+        """Read a hazard curve from a file of two columns, or one that OpenQuake exports.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            Columns parted by commas, semicolons, tabs or blanks; empty lines, lines that begin with ``#`` and one line
-            of names are skipped.
+            Two columns parted by commas, semicolons, tabs or blanks; with the last three numbers may have decimal
+            commas. Lines that begin with ``#`` are comments. The first line, or a comment, may name the columns, in
+            any order: an intensity with its unit, and an annual rate, a return period in years, or a probability with
+            its time, as in ``PGA (g),return period (years)`` or ``PGV (cm/s),probability in 50 years``. Without names
+            they are an intensity in the unit of the curve, of the measure of a comment, and an annual rate. Or a hazard
+            curve of OpenQuake (``lon,lat,depth,poe-...``), whose comment names measure and time.
+        site : str or int, optional
+            Of a file of OpenQuake with several sites: "lon,lat" in degrees, or the number of its line, from 1.
 
         Returns
         -------
         Hazard
+            With `measure`, where the file names it, and `note`.
 
         Raises
         ------
         FileNotFoundError
             There is no such file.
         ValueError
-            A line has not two numbers, or they are no hazard curve; the message names the file and the line.
+            A line is not such, or what it says is no hazard curve; the message names the file, and the line or what to
+            write. Columns without names that may be return periods or probabilities are refused.
         """
         file = checks.path("hazard", path)
-        rows, begun = [], False
-        for number, line in enumerate(file.read_text(encoding="utf-8-sig").splitlines(), start=1):
-            if not line.strip() or line.lstrip().startswith("#"):
-                continue
-            try:
-                first, second = map(float, re.split(r"[,;\s]+", line.strip()))
-            except ValueError:
-                if begun:
-                    raise ValueError(
-                        f"{path}, line {number}: got {line!r}, accepted: an intensity and a rate"
-                    ) from None
-            else:
-                rows.append((first, second))
-            begun = True
-        if not rows:
-            raise ValueError(f"{path}: got no numbers, accepted: lines of an intensity and a rate")
         try:
-            intensity, rate = np.array(rows).T
-            return cls(intensity, rate, file.name)
+            intensity, rate, measure, note = read(file.read_text(encoding="utf-8-sig"), site)
+            return cls(intensity, rate, file.name, measure, note)
         except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
+            raise ValueError(f"{path}{'' if str(error).startswith(', line') else ': '}{error}") from None
+
+    def check_measure(self, measure: str) -> None:
+        """Raise ValueError where this is the hazard of another measure than "PGA" or "PGV" that a curve is over.
+
+        Parameters
+        ----------
+        measure : str
+            That of the curve.
+        """
+        if self.measure and measure != self.measure:
+            accepted = f"{measure}, that of the curve: a hazard of it, or measure={self.measure!r} (--measure)"
+            raise ValueError(checks.refusal("measure of the hazard", self.measure, accepted))
 
     @property
     def exponents(self) -> Array:
-        """Exponents k (n - 1,) of the power laws between the points."""
-        return -np.diff(np.log(self.rate)) / np.diff(np.log(self.intensity))
+        """Exponents k (n - 1,) of the power laws between the points that are above 0."""
+        above = self.rate > 0.0
+        return -np.diff(np.log(self.rate[above])) / np.diff(np.log(self.intensity[above]))
+
+    @functools.cached_property
+    def end(self) -> float:
+        """Intensity from which nothing is exceeded; inf where the rate is above 0 at all points."""
+        return float(self.intensity[self.rate == 0.0].min(initial=math.inf))
+
+    @functools.cached_property
+    def laws(self) -> tuple[Array, Array, Array]:
+        """(logs, log_rates, slopes): ln of the points (m,), and exponents (m + 1,) below, between and beyond them.
+
+        Before a rate of 0 the last point stands at its intensity; the law beyond it has no part in `__call__`.
+        """
+        above, slopes = self.rate > 0.0, self.exponents
+        logs, values = np.log(self.intensity[above]), np.log(self.rate[above])
+        slopes = np.concatenate([slopes[:1], slopes, slopes[-1:]])
+        if math.isfinite(self.end):
+            logs = np.append(logs, math.log(self.end))
+            values = np.append(values, values[-1] - slopes[-1] * (logs[-1] - logs[-2]))
+            slopes = np.append(slopes, max(slopes[-1], 1.0))
+        return logs, values, slopes
+
+    def with_slopes(self, below: float, beyond: float) -> Self:
+        """Return the hazard with other exponents below its first and beyond its last point.
+
+        Parameters
+        ----------
+        below, beyond : float
+            Factors of these two exponents, above 0.
+        """
+        logs, _, slopes = self.laws
+        rows = [(math.exp(logs[0]) / 2.0, self.rate[0] * 2.0 ** min(below * slopes[0], 900.0))]
+        rows += zip(self.intensity, self.rate, strict=True)
+        if math.isinf(self.end):
+            rows.append((2.0 * self.intensity[-1], self.rate[-1] * 2.0 ** (-beyond * slopes[-1])))
+        return dataclasses.replace(self, intensity=np.array(rows)[:, 0], rate=np.array(rows)[:, 1])
 
     @property
     def law(self) -> str:
@@ -137,12 +207,44 @@ class Hazard:
         exponent = float(self.exponents[0])
         return f"{self.rate[0] * self.intensity[0] ** exponent:.4g} im^-{exponent:.4g}"
 
+    def log_rate(self, y: Number) -> Number:
+        """Return ln of the annual rate as if no point had the rate 0.
+
+        Parameters
+        ----------
+        y : float or ndarray
+            ln(intensity).
+        """
+        logs, values, slopes = self.laws
+        place = np.searchsorted(logs, y)
+        point = np.maximum(place - 1, 0)
+        return values[point] - slopes[place] * (y - logs[point])
+
+    def slope(self, y: Number) -> Number:
+        """Return the exponent of the power law at an intensity.
+
+        Parameters
+        ----------
+        y : float or ndarray
+            ln(intensity).
+        """
+        return self.laws[2][np.searchsorted(self.laws[0], y)]
+
+    def last_log(self, y: float) -> float:
+        """Return ln of an intensity, above all points, at which the rate is less than 1e-12 of that at another.
+
+        Parameters
+        ----------
+        y : float
+            ln of the other.
+        """
+        logs, values, slopes = self.laws
+        return max(y, logs[-1] + max(values[-1] - self.log_rate(y) + TAIL * math.log(10.0), 0.0) / slopes[-1])
+
     def __call__(self, intensity: Number) -> Number:
         """Return the annual rate, 1/year, at which an `intensity`, or each of an array, is exceeded."""
-        logs, slopes = np.log(self.intensity), self.exponents
-        y = np.log(intensity)
-        place = np.clip(np.searchsorted(logs, y) - 1, 0, slopes.size - 1)
-        return np.exp(np.log(self.rate)[place] - slopes[place] * (y - logs[place]))
+        with np.errstate(over="ignore"):
+            return np.where(np.less(intensity, self.end), np.exp(self.log_rate(np.log(intensity))), 0.0)[()]
 
 
 TAIL = 12.0
@@ -151,25 +253,30 @@ TAIL = 12.0
 
 def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
     """Return edges (n + 1,) in ln(intensity) of Gauss-Legendre rules."""
-    places = curve.outcomes[0]
-    steep, gentle = hazard.exponents.max(), hazard.exponents.min()
-    points = np.log(hazard.intensity)
-    spread = curve.tail
-    # The product of curve and hazard peaks k β² below the median, and falls as the normal density or as im^(-k).
-    low = math.log(curve.fit.median if curve.fitted else places[0]) - steep * spread**2 - TAIL * spread
-    high = TAIL * math.log(10.0) / gentle
+    places = np.log(curve.outcomes[0])
+    points, spread = hazard.laws[0], curve.tail
+    first = last = math.log(curve.fit.median) if curve.fitted else places[0]
     if curve.fitted:
-        high += math.log(curve.fit.median) + TAIL * spread
-    else:
-        high += math.log(places[-1])
+        last += TAIL * spread
     if curve.by_points or not curve.fitted:
-        points = np.concatenate([points, np.log(places)])
-    width = min(0.25 * spread, 1.0 / steep)
-    points = np.unique(np.concatenate([[low, high], points[(points > low) & (points < high)]]))
-    parts = [
-        np.linspace(a, b, max(1, math.ceil((b - a) / width)), endpoint=False) for a, b in itertools.pairwise(points)
-    ]
-    return np.append(np.concatenate(parts), high)
+        points, first, last = np.concatenate([points, places]), min(first, places[0]), max(last, places[-1])
+    # Where the product of hazard and lognormal curve is less than 1e-30 of that at its median.
+    away = TAIL + 2.0 * hazard.laws[2].max() * spread
+    for _ in range(60):
+        gained = hazard.log_rate(first - away * spread) - hazard.log_rate(first)
+        away = math.sqrt(TAIL**2 + 2.0 * max(gained, 0.0))
+    low, high = max(first - away * spread, -LARGEST), min(hazard.last_log(last), LARGEST)
+    if hazard.log_rate(low) > LARGEST:
+        accepted = "less, as its law goes on below the points, to infinite rates: give lower intensities"
+        raise ValueError(checks.refusal("lowest exponent of the hazard", round(float(hazard.laws[2][0]), 1), accepted))
+    ends = np.unique(np.concatenate([[low, last, high], points[(points > low) & (points < high)]]))
+    middles = 0.5 * (ends[1:] + ends[:-1])
+    # Where the hazard does not fall nothing happens; beyond the curve its power law alone is integrated.
+    fall = hazard.slope(middles)
+    parts = np.diff(ends) * np.where(middles < last, np.maximum(fall, 4.0 / spread), fall) * (fall > 0.0)
+    counts = np.maximum(np.ceil(parts), 1.0).astype(int)
+    rules = [np.linspace(a, b, n, endpoint=False) for (a, b), n in zip(itertools.pairwise(ends), counts, strict=True)]
+    return np.append(np.concatenate(rules), high)
 
 
 def gauss_nodes(edges: Array) -> tuple[Array, Array]:
@@ -180,42 +287,57 @@ def gauss_nodes(edges: Array) -> tuple[Array, Array]:
 
 
 def rate_density(probability: Callable[[Array], Array], hazard: Hazard, y: Array) -> Array:
-    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability."""
-    place = np.clip(np.searchsorted(np.log(hazard.intensity), y) - 1, 0, hazard.intensity.size - 2)
-    return hazard.exponents[place] * hazard(np.exp(y)) * probability(np.exp(y))
+    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability.
+
+    What is exceeded where the hazard ends overturns as often as there: the law beyond carries it.
+    """
+    share = probability(np.exp(np.minimum(y, min(math.log(hazard.end), LARGEST))))
+    return hazard.slope(y) * np.exp(hazard.log_rate(y)) * share
+
+
+def shares_of_rate(probability: Callable[[Array], Array], hazard: Hazard, edges: Array) -> tuple[Array, Array]:
+    """Return (y, share), (n,) each: nodes in ln(intensity) of rules between `edges`, and the rate (1/year) of each."""
+    y, weights = gauss_nodes(edges)
+    share = weights * rate_density(probability, hazard, y)
+    # A law that hardly falls has a part beyond.
+    share[-1] += np.exp(hazard.log_rate(edges[-1])) * probability(np.exp(y[-1:]))[0]
+    return y, share
 
 
 def rate_limits(curve: IntensityCurve, hazard: Hazard, edges: Array) -> tuple[float, float]:
     """Return 95 % limits (low, high) of the rate, 1/year, of the curve's, or nan; `edges`: of `edges_of_rules`."""
     if curve.fitted and len(curve.replicates):
-        low, high = np.quantile(lognormal_rates(curve.replicates, hazard, edges[0], edges[-1]), [0.025, 0.975]).tolist()
+        low, high = np.quantile(lognormal_rates(curve.replicates, hazard, edges[0]), [0.025, 0.975]).tolist()
         return low, high
     if curve.fitted:
         return math.nan, math.nan
-    y, weights = gauss_nodes(edges)
-    density = weights * rate_density(np.ones_like, hazard, y)
-    low, high = (float(density @ side) for side in curve.limits(np.exp(y)))
+    y, share = shares_of_rate(np.ones_like, hazard, edges)
+    low, high = (float(share @ side) for side in curve.limits(np.exp(np.minimum(y, math.log(hazard.end)))))
     return low, high
 
 
-def lognormal_rates(replicates: Array, hazard: Hazard, first: float, last: float) -> Array:
+def lognormal_rates(replicates: Array, hazard: Hazard, first: float, last: float = math.inf) -> Array:
     """Return annual rates (b,) by lognormal curves, (median, dispersion) (b, 2), over ln(im) from `first` to `last`."""
     from scipy import special
 
     # Few motions agree with medians of 0 and inf.
     with np.errstate(divide="ignore"):
         middle = np.clip(np.log(replicates[:, :1]), -1e4, 1e4)
-    spread, logs = replicates[:, 1:], np.log(hazard.intensity)
-    ends = np.concatenate([[first], logs[(logs > first) & (logs < last)], [last]])
-    place = np.clip(np.searchsorted(logs, 0.5 * (ends[1:] + ends[:-1])) - 1, 0, logs.size - 2)
-    k, away = hazard.exponents[place], (ends - middle) / spread
+    spread, logs = replicates[:, 1:], hazard.laws[0]
+    stop = max(first, min(last, math.log(hazard.end)))
+    ends = np.concatenate([[first], logs[(logs > first) & (logs < stop)], [stop]])
+    at = ends[:-1]
+    k, away = hazard.laws[2][np.searchsorted(logs, at, side="right")], (ends - middle) / spread
     low, high = away[:, :-1] + k * spread, away[:, 1:] + k * spread
     # Tails are subtracted on the side where the normal distribution has its digits.
     turned = low > 0.0
     low, high = np.where(turned, -high, low), np.where(turned, -low, high)
-    factor = np.log(hazard.rate)[place] + k * (logs[place] - middle) + 0.5 * (k * spread) ** 2
-    parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
-    left, right = (hazard(np.exp(ends[[0, -1]])) * special.ndtr(away[:, [0, -1]])).T
+    factor = hazard.log_rate(at) + k * (at - middle) + 0.5 * (k * spread) ** 2
+    with np.errstate(over="ignore"):
+        parts = np.exp(factor + special.log_ndtr(high)) - np.exp(factor + special.log_ndtr(low))
+    # Up to where the hazard ends, all that is exceeded there counts.
+    rates = np.exp(hazard.log_rate(ends[[0, -1]])) * [1.0, last < math.log(hazard.end)]
+    left, right = (rates * special.ndtr(away[:, [0, -1]])).T
     return parts.sum(axis=1) + left - right
 
 
@@ -229,8 +351,11 @@ def contributions_by_bin(
     part = np.cumsum(share) / total
     low, high = y[np.searchsorted(part, [5e-4, 1.0 - 5e-4])].tolist()
     edges = np.linspace(low, high, 25)
-    nodes, weights = gauss_nodes(edges)
-    return np.exp(edges), (weights * rate_density(probability, hazard, nodes)).reshape(24, -1).sum(axis=1) / total
+    kinks = hazard.laws[0]
+    parts = np.unique(np.concatenate([edges, kinks[(kinks > low) & (kinks < high)]]))
+    nodes, weights = gauss_nodes(parts)
+    rates = (weights * rate_density(probability, hazard, nodes)).reshape(-1, 12).sum(axis=1)
+    return np.exp(edges), np.bincount(np.searchsorted(edges, parts[:-1], side="right") - 1, rates, 24) / total
 
 
 def share_beyond(y: Array, share: Array, points: Sequence[float] | Array) -> float:

@@ -148,7 +148,27 @@ def fit_lognormal(
 
 
 def fit_rows(logs: Array, shares: Array, rows: Array | None = None) -> tuple[Array, Array, Array, Array]:
-    """Fit a lognormal curve to each of many sets of probabilities at the same scales."""
+    """Fit a lognormal curve to each of many sets of probabilities at the same scales.
+
+    Parameters
+    ----------
+    logs : ndarray, shape (n,)
+        Logarithms of the scales.
+    shares : ndarray, shape (m, n)
+        Probabilities; each counts like one realization.
+    rows : ndarray of int, optional
+        Rows to fit; by default all.
+
+    Returns
+    -------
+    rows : ndarray of int, shape (k,)
+        Those of them that determine a curve, ascending as they came.
+    log_medians : ndarray, shape (k,)
+        Logarithm of the median of each.
+    dispersions : ndarray, shape (k,)
+    errors : ndarray, shape (k, 2)
+        Standard errors of the logarithms of median and dispersion by one realization; of N realizations 1/√N of it.
+    """
     trials, rows = np.ones(logs.size), np.arange(len(shares)) if rows is None else rows
     rows = np.array([row for row in rows if not _undetermined(logs, shares[row], trials)], int)
     if not rows.size:

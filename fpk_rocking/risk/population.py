@@ -372,7 +372,7 @@ def suite_fields(
     }
     places, share, reach = (intensity, mean, math.inf) if steps is None else steps
     fit = fit_lognormal(intensity, mean) if steps is None else LognormalFit()
-    if not fit.reason and capacities.complete.size < 2:
+    if not fit.reason and capacities.located.size < 2:
         where = "within these intensities" if steps is None else "for good"
         fit = LognormalFit(reason=f"fewer than two motions overturn a block {where}")
     if fit.reason:

@@ -1,7 +1,21 @@
-"""The annual frequency of a limit state under a hazard."""
+"""The annual frequency of a limit state under a hazard.
+
+Which curve makes the rate, its limits, and what files for other programs carry (`Risk.exported_rate`):
+
+| outcomes | rate | limits | files |
+|---|---|---|---|
+| without noise (`IntensityCurve.jumps`) | ends of all intervals of overturning | lognormal; none: outcomes | as below |
+| with noise, of `study` (`by_points`) | points, joined by lines in ln(im) | lognormal; none: points | as below |
+| other curves with a lognormal fit | lognormal | lognormal | lognormal |
+| other curves without one, or rejected | points | points | points |
+
+"Lognormal" is a fit that the data do not reject (`IntensityCurve.fitted`): its replicates give the limits, and files
+carry it. "None": where there is none.
+"""
 
 import dataclasses
 import functools
+import itertools
 import math
 from typing import Any
 
@@ -12,18 +26,17 @@ from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
 from fpk_rocking.risk.hazard import (
-    TAIL,
+    LARGEST,
     Hazard,
     contributions_by_bin,
     edges_of_rules,
-    gauss_nodes,
     lognormal_rates,
-    rate_density,
     rate_limits,
     share_beyond,
+    shares_of_rate,
 )
+from fpk_rocking.risk.hazard_files import UNITS
 from fpk_rocking.risk.population import IntensityCurve
-from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -73,9 +86,8 @@ class Risk(Result):
         edges = edges_of_rules(self.curve, self.hazard)
         if self.curve.fitted:
             curve = np.array([[self.curve.fit.median, self.curve.fit.dispersion]])
-            return float(lognormal_rates(curve, self.hazard, edges[0], edges[-1])[0])
-        y, weights = gauss_nodes(edges)
-        return float((weights * rate_density(_by_points(self.curve), self.hazard, y)).sum())
+            return float(lognormal_rates(curve, self.hazard, edges[0])[0])
+        return float(shares_of_rate(_by_points(self.curve), self.hazard, edges)[1].sum())
 
     def probability(self, years: float = 50.0) -> float:
         """Return the probability of at least one event in a time, 1 - exp(-λt), the events being independent.
@@ -90,39 +102,66 @@ class Risk(Result):
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic`: large shares of the rate from beyond the points of hazard or fragility.
 
-        Above .05 there is caution, above .5 the rate is not to be used: it is then made of an extrapolation.
+        Above .05 there is caution. Above .5 the rate is made of an extrapolation and not to be used: for the hazard, if
+        `by_other_slopes` differ by more than a factor of 7, or another unit of its intensities would fit.
         """
         lognormal = "its lognormal curve goes on"
         points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
         fitted = self.curve.fitted and not self.curve.by_points
-        beyond = {
-            "the hazard curve": (self.beyond_hazard, "its last power law goes on"),
-            "the fragility": (self.beyond_curve, lognormal if fitted else points),
-        }
-        against = []
-        for what, (share, continued) in beyond.items():
-            text = f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, "
-            text += f"where {continued}"
-            unit = self._other_unit() if share > 0.5 and what == "the hazard curve" else ""
-            text = f"{unit} {text}." if unit else f"{text}: give more of them."
-            if share > 0.05:
-                against.append(Diagnostic(CAUTION if share <= 0.5 else UNUSABLE, text, what))
+        against, shares = [], {"the hazard curve": self.beyond_hazard, "the fragility": self.beyond_curve}
+        for what, share in shares.items():
+            text = f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where "
+            useless, unit = share > 0.5, ""
+            if share <= 0.05:
+                continue
+            if what == "the fragility":
+                text += lognormal if fitted else points
+            else:
+                low, high = self.by_other_slopes
+                text += "its power laws go on"
+                unit = self._other_unit() if useless else ""
+                if not unit:
+                    text += "; with half and with twice their exponents there the rate is "
+                    text += f"{rate_text(low)} to {rate_text(high)}"
+                # As a standard error of ln(rate) of .5, the limit of `rate_error`.
+                useless = bool(unit) or (useless and high > low * math.exp(2.0 * 1.96 * 0.5))
+            advice = ": give more of them" * (useless or what == "the fragility")
+            text = f"{unit} {text}." if unit else f"{text}{advice}."
+            against.append(Diagnostic(UNUSABLE if useless else CAUTION, text, what))
         return against
+
+    @functools.cached_property
+    def by_other_slopes(self) -> tuple[float, float]:
+        """Least and largest rate, 1/year, if the hazard fell half or twice as steeply beyond each of its ends."""
+        rates = [self.rate]
+        for factors in itertools.product((0.5, 2.0), repeat=2):
+            try:
+                rates.append(float(_shares(self.curve, self.hazard.with_slopes(*factors))[1].sum()))
+            except ValueError:
+                rates.append(math.inf)  # the law below is too steep
+        return min(rates), max(rates)
 
     def _other_unit(self):
         """Return a question, whether the hazard is in another unit, where that would fit its points; else empty."""
-        units = {"PGV": {"cm/s": 100.0}, "PGA": {"m/s²": STANDARD_GRAVITY, "cm/s²": 100.0 * STANDARD_GRAVITY}}
+        if self.hazard.measure and "no unit" not in self.hazard.note:
+            return ""
         low, high = self.hazard.intensity[[0, -1]].tolist()
-        for unit, factor in units[self.curve.measure].items():
-            read = Hazard(self.hazard.intensity / factor, self.hazard.rate)
-            beyond = annual_frequency(self.curve, read).beyond_hazard
+        for unit, factor in UNITS[self.curve.measure].items():
+            read = Hazard(self.hazard.intensity * factor, self.hazard.rate)
             # The strongest recorded motions have less than 5 g, the fastest some 3 m/s.
-            if high / factor <= 10.0 and beyond <= 0.5:
+            if factor < 1.0 and high * factor <= 10.0 and self._beyond(read) <= 0.5:
                 return (
                     f"Are the intensities of the hazard in {unit}? They were read in {self.curve.unit}, as {low:.4g} "
-                    f"to {high:.4g}; in {unit} they are {low / factor:.4g} to {high / factor:.4g} {self.curve.unit}."
+                    f"to {high:.4g}; in {unit} they are {low * factor:.4g} to {high * factor:.4g} {self.curve.unit}."
                 )
         return ""
+
+    def _beyond(self, hazard):
+        """Return `beyond_hazard` of another hazard; 1 of one that is refused."""
+        try:
+            return annual_frequency(self.curve, hazard).beyond_hazard
+        except ValueError:
+            return 1.0
 
     @property
     def rate_error(self) -> float:
@@ -150,6 +189,7 @@ class Risk(Result):
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
             "The hazard and the model of the block count as known."
         )
+        text += f" {self.hazard.note}" * bool(self.hazard.note)
         if self._two_rates:
             text += " Files for OpenQuake and pelicun carry the lognormal curve."
         elif self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02:
@@ -175,7 +215,7 @@ class Risk(Result):
         if not (curve.fitted and len(curve.replicates) and np.isfinite(curve.jumps).any()):
             return 0.0
         edges = edges_of_rules(curve, self.hazard)
-        rates = lognormal_rates(curve.replicates, self.hazard, edges[0], edges[-1])
+        rates = lognormal_rates(curve.replicates, self.hazard, edges[0])
         low, high = np.quantile(rates, [0.965, 0.985])
         near = (rates >= low) & (rates <= high)
         lowest = math.log(np.nanmin(curve.jumps))
@@ -205,6 +245,9 @@ class Risk(Result):
         """The rate with its limits, as a line of text."""
         name = "overturning" if self.curve.name == "overturned" else self.curve.name
         low, high = map(rate_text, self.interval)
+        if not self.rate > 0.0 and math.isfinite(self.hazard.end):
+            end = f"{self.curve.measure} {self.hazard.end:.3g} {self.curve.unit}"
+            return f"annual rate of {name} = 0 (95 %: up to {high}): by the hazard nothing exceeds {end}"
         if not (self.rate > 0.0 or self.interval[1] > 0.0):
             return f"no annual rate of {name}: no motion overturned the block up to the highest intensity"
         if not self.rate > 0.0:
@@ -284,21 +327,20 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     1.9e-03 per year
     """
     checks.instance("curve", curve, IntensityCurve)
-    checks.instance("hazard", hazard, Hazard)
+    checks.instance("hazard", hazard, Hazard).check_measure(curve.measure)
     edges_of_rule = edges_of_rules(curve, hazard)
     low, high = rate_limits(curve, hazard, edges_of_rule)
     if np.isfinite(curve.jumps).any():
         return _by_jumps(curve, hazard, (low, high))
-    by, (y, weights) = _probability(curve), gauss_nodes(edges_of_rule)
-    share = weights * rate_density(by, hazard, y)
-    rate, (edges, contribution) = float(share.sum()), contributions_by_bin(by, hazard, y, share)
+    y, share = _shares(curve, hazard)
+    rate, (edges, contribution) = float(share.sum()), contributions_by_bin(_probability(curve), hazard, y, share)
     return Risk(
         rate,
         # The limits of a fit are those of the population's curve; the mean over these motions is a point of them.
         (min(low, rate), max(high, rate)) if curve.by_points else (low, high),
         edges,
         contribution,
-        share_beyond(y, share, hazard.intensity),
+        share_beyond(y, share, [hazard.intensity[0], math.inf if math.isfinite(hazard.end) else hazard.intensity[-1]]),
         share_beyond(y, share, curve.intensity),
         share_beyond(y, share, [curve.intensity[0], math.inf]),
         curve,
@@ -316,9 +358,22 @@ def _by_points(curve):
     return functools.partial(curve.along, curve.probability)
 
 
+def _shares(curve, hazard):
+    """Return (y, share), (n,) each: ln(intensity), and the part of the rate that comes from there."""
+    if np.isfinite(curve.jumps).any():
+        jumps, signs = curve.jumps.reshape(-1, curve.jumps.shape[-1]), _signs(curve)
+        return np.log(jumps).ravel(), np.nan_to_num(signs * hazard(jumps)).ravel() / len(jumps)
+    return shares_of_rate(_probability(curve), hazard, edges_of_rules(curve, hazard))
+
+
+def _signs(curve):
+    """Return 1 for the jumps from which on the block overturns, -1 for those from which on it stands, (k,)."""
+    return 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
+
+
 def _by_jumps(curve, hazard, limits):
     """Return the `Risk` of motions without noise, from the intensities at which their outcomes change."""
-    signs = 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
+    signs = _signs(curve)
 
     def above(intensity):
         return np.nansum(signs * hazard(np.maximum(curve.jumps, intensity)), axis=-1).mean(axis=-1)
@@ -329,15 +384,15 @@ def _by_jumps(curve, hazard, limits):
     limits = (rate, rate) if curve.units == 1 else (min(limits[0], rate), max(limits[1], rate))
     ends = []
     for part in (1.0 - 5e-4, 5e-4):
-        left, right = math.log(lowest), math.log(lowest) + TAIL * math.log(10.0) / hazard.exponents.min()
+        left, right = math.log(lowest), min(hazard.last_log(math.log(lowest)), LARGEST)
         for _ in range(60):  # halvings to rounding
             middle = 0.5 * (left + right)
             left, right = (middle, right) if above(math.exp(middle)).mean() > part * rate else (left, middle)
         ends.append(right)
     edges = np.exp(np.linspace(ends[0], ends[1], 25))
-    share = np.array([above(edge).mean() for edge in edges]) / rate
-    first, last = (above(point).mean() / rate for point in hazard.intensity[[0, -1]])
-    return Risk(rate, limits, edges, -np.diff(share), 1.0 - first + last, 0.0, 0.0, curve, hazard)
+    share = np.array([above(edge).mean() for edge in edges]) / (rate or 1.0)
+    first, last = (above(point).mean() / (rate or 1.0) for point in hazard.intensity[[0, -1]])
+    return Risk(rate, limits, edges, -np.diff(share), (rate > 0.0) - first + last, 0.0, 0.0, curve, hazard)
 
 
 def years_text(years: float, digits: int) -> str:

@@ -24,7 +24,7 @@ from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities, critical_text, factor_diagnostics
 from fpk_rocking.risk.curves import Fragility, fragility
-from fpk_rocking.risk.export import NAMES, check_name, not_for_pelicun, to_nrml, to_pelicun
+from fpk_rocking.risk.export import NAMES, check_name, levels_text, not_for_pelicun, rising, to_nrml, to_pelicun
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.risk.inputs import Draws, drawn
 from fpk_rocking.risk.lognormal import ranked
@@ -337,13 +337,17 @@ class Study(Result):
         self.fragility.save(out / "result.npz")
         self.curve.to_csv(out / "curve.csv")
         self.to_csv(out / "motions.csv")
-        about = self.curve.describe()
+        about = levels = self.curve.describe()
         if self.risk:
             about += f" Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
             about += f"as the study states it {rate_text(self.risk.rate)}."
-        to_nrml(out / f"{self.name}.xml", [self.curve], self.name, about, self.trust)
+            levels = f"{about} {levels_text(self.risk)}" if self.risk.exported_rate > 0.0 else about
+        to_nrml(out / f"{self.name}.xml", [self.curve], self.name, levels, self.trust)
         refused = self.not_for_pelicun
         if not refused:
+            if self.risk and not self.curve.fitted and (np.diff(self.curve.probability) < 0.0).any():
+                rate = annual_frequency(rising(self.curve), self.risk.hazard).exported_rate
+                about += f" Its points fall in places, those of pelicun do not: {rate_text(rate)} by them."
             to_pelicun(out / f"{self.name}.csv", self.curve, self.name, about, self.trust)
         exports = [f"{self.name}.{kind}" for kind in ("xml", *(() if refused else ("csv", "json")))]
         files = {"pelicun": refused or f"{self.name}.csv", "exports": exports, "origin": self.origin(command)}
@@ -437,6 +441,8 @@ def study(
     checks.instance("scene", scene, Scene)
     check_name(name)
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
+    if exceeded is not None:
+        exceeded.check_measure(measure)
     scenes = recorded_scenes(scene, records, units=units, baseline=baseline, corner_hz=corner_hz)
     if 1 < len(scenes) < FEWEST_RECORDS:
         raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))

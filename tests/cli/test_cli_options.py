@@ -31,6 +31,7 @@ OF_RISK = {
     "synthetic",
     "units",
     "hazard",
+    "site",
     "intensities",
     "measure",
     "name",

@@ -71,7 +71,7 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
         "annual rate of overturning = 2.81e-3 (95 %: 2.32e-3 to 3.40e-3): return period"
     )
     assert any(
-        "beyond the points of the hazard curve, where its last power law goes on: " in sentence
+        "beyond the points of the hazard curve, where its power laws go on; with half and with twice " in sentence
         for sentence in risk.sentences
     )
     points = annual_frequency(
@@ -117,9 +117,9 @@ def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_
         f"Are the intensities of the hazard in {unit}? They were read in {own}, as {intensity[0]:.4g} to"
     )
     assert f"; in {unit} they are {least:.4g} to 6 {own}. " in message
-    assert message.endswith("goes on.")
+    assert message.endswith("go on.")
     far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).model_diagnostics()[0]
-    assert (far.severity, far.message.endswith("goes on: give more of them.")) == (UNUSABLE, True)
+    assert (far.severity, far.message.endswith(": give more of them.")) == (UNUSABLE, True)
     share = annual_frequency(curve, Hazard([0.71 * curve.fit.median, 6.0], [1e-2, 1e-5]))
     assert 0.05 < share.beyond_hazard < 0.5
     assert [diagnostic.severity for diagnostic in share.model_diagnostics()] == [CAUTION]
