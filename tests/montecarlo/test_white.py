@@ -181,10 +181,8 @@ def test_a_block_at_rest_begins_on_the_side_of_the_push(phase):
 
 @pytest.mark.parametrize("restitution", [0.35, 0.7])
 def test_the_side_of_a_negligible_force_decides_no_path_from_rest(restitution):
-    """Of the same noise. A sixth of the paths changed side where the first step met an impact on the way to one side."""
-    scenes = [
-        Scene(Block(restitution), Harmonic(1e-9, 20.0, phase), WhiteNoise(3.0)) for phase in (0.0, math.pi)
-    ]
+    """Of equal noise. A sixth of the paths changed side where the first step met an impact on the way to one side."""
+    scenes = [Scene(Block(restitution), Harmonic(1e-9, 20.0, phase), WhiteNoise(3.0)) for phase in (0.0, math.pi)]
     one, other = (simulate(scene, cycles=1, realizations=1000).angle[:, 1] for scene in scenes)
     assert np.mean(np.sign(one) != np.sign(other)) < 0.01
     assert 400 < np.count_nonzero(one > 0.0) < 600
