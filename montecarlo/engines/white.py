@@ -214,7 +214,7 @@ def is_clear(u, w, side, j, parameters):
 
 @kernel
 def first_side(x, v, parameters):
-    """Return the side of a start, at rest that of the force: otherwise the first step would begin with an impact."""
+    """Return the side of a start, at rest that of the force until `leave_rest` decides it."""
     push = v if v != 0.0 else parameters.forcing.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 
