@@ -141,6 +141,31 @@ def step_near_barrier(stream, u, w, side, segment, j, start, limit, parameters, 
 
 
 @kernel
+def leave_rest(stream, segment, j, start, limit, parameters, impacts, origin):
+    """Take the shortest step from rest, to the side of the larger angle; return (u, w, side, time reached)."""
+    # In it noise may beat the force. To one side alone it would begin with an impact on the way to the other, which
+    # takes energy: the sides would be off in proportion to a low power of the step.
+    end = min(start + parameters.shortest, limit)
+    side = 1 if value_and_slope(segment.force, start)[0] > 0.0 else -1
+    first, second = normal(stream), normal(stream)
+    u, w = _draw_from_rest(side, first, second, segment, j, start, end, parameters)
+    other = _draw_from_rest(-side, first, second, segment, j, start, end, parameters)
+    if other[0] > u:
+        (u, w), side = other, -side
+    if u < 0.0:
+        return reflect_draw(u, w, side, segment, start, end, end, parameters, impacts, origin)
+    return u, w, side, end
+
+
+@kernel
+def _draw_from_rest(side, first, second, segment, j, start, end, parameters):
+    """Return (u, w) at `end` of a flight on a `side` from rest, by two normal numbers."""
+    x, v, strength = _mean(0.0, 0.0, side, segment, start, end, parameters.block)
+    xx, vx, vv = covariance_factor(parameters.diffusion[j] * strength * strength, end - start)
+    return side * (x + xx * first), side * (v + vx * first + vv * second)
+
+
+@kernel
 def _mean_negative_part(ratio):
     """Return the mean of max(-y, 0) for a normal number y of mean 1 and standard deviation 1/`ratio`."""
     return math.exp(-0.5 * ratio * ratio) / (math.sqrt(2.0 * math.pi) * ratio) - 0.5 * math.erfc(ratio * math.sqrt(0.5))

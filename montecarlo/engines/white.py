@@ -36,7 +36,7 @@ from fpk_rocking.physics.motion.flight import (
 )
 from fpk_rocking.physics.motion.slender import accumulated_covariance
 from fpk_rocking.physics.noise.envelope import mean_diffusions
-from montecarlo.engines.barriers import draw_bounce, nystrom_step, reflect_draw, step_near_barrier
+from montecarlo.engines.barriers import draw_bounce, leave_rest, nystrom_step, reflect_draw, step_near_barrier
 from montecarlo.engines.engine import Engine, TimeGrid, time_grid
 from montecarlo.engines.random import draw_start, normal, start_parameters
 from montecarlo.tuning import TUNING
@@ -178,8 +178,7 @@ def step_interval(stream, u, w, side, j, parameters, impacts=None, origin=0.0, s
     if parameters.diffusion[j] == 0.0:
         return _undisturbed(u, w, side, segment, time, end, parameters, impacts, origin)
     if u == 0.0 and w == 0.0:
-        # At rest the first step would begin with an impact if the force pressed the block down.
-        side = 1 if value_and_slope(segment.force, time)[0] > 0.0 else -1
+        u, w, side, time = leave_rest(stream, segment, j, time, end, parameters, impacts, origin)
     until = max(until, end)
     while time < end and u < cutoff:
         if u == 0.0 and w > 0.0:
@@ -215,7 +214,7 @@ def is_clear(u, w, side, j, parameters):
 
 @kernel
 def first_side(x, v, parameters):
-    """Return the side of a start, at rest that of the force: otherwise the first step would begin with an impact."""
+    """Return the side of a start, at rest that of the force until `leave_rest` decides it."""
     push = v if v != 0.0 else parameters.forcing.force[0, 0]
     return 1 if x > 0.0 or (x == 0.0 and push > 0.0) else -1
 

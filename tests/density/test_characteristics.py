@@ -151,3 +151,31 @@ def test_what_comes_to_rest_is_set_off_by_the_last_jump_to_its_own_side():
     assert (ends[2:4, 0] == 0.0).all()
     assert ends[2:4, 1] == pytest.approx(np.array([-1.0, 1.0]) * math.sqrt(diffusion * DURATION), rel=1e-12)
     assert flags[2:4].tolist() == [-1, 1]
+
+
+def test_strong_noise_acts_through_a_slow_impact_as_two_kicks_at_gauss_points():
+    """Each of sqrt(D h); between kicks the block moves without noise, through impacts."""
+    point, diffusion = before_impact(-0.3, 1), 0.5
+    ends, flags = nodes_from(point, diffusion)
+    times = START + DURATION * (0.5 + np.array([-1.0, 1.0]) / math.sqrt(12.0))
+    size, expected = math.sqrt(diffusion * DURATION), []
+    for kicks in itertools.product((-math.sqrt(3.0), 0.0, math.sqrt(3.0)), (-1.0, 1.0)):
+        state, side, begin = point, 1, START
+        for time, kick in zip((*times, START + DURATION), (*kicks, 0.0), strict=True):
+            state = flow(DYNAMICS, state, side, begin, time) + np.array([0.0, kick * size])
+            side, begin = math.copysign(1, state[0]), time
+        expected.append(state)
+    assert ends == pytest.approx(np.array(expected), abs=1e-7)
+    assert flags.tolist() == [math.copysign(1, x) for x, _ in expected]
+    assert -1 in flags
+    assert 1 in flags
+
+
+def test_two_kicks_at_gauss_points_have_the_covariance_of_the_noise_to_fifth_order():
+    errors, durations = [], np.array([0.4, 0.2, 0.1])
+    for duration in durations:
+        left = duration * (0.5 + np.array([-1.0, 1.0]) / math.sqrt(12.0))
+        moved = np.array([np.sinh(left), np.cosh(left)])
+        error = duration * moved @ moved.T - flight_noise(dataclasses.replace(DYNAMICS, diffusion=1.0), duration)
+        errors.append(np.abs(error).max())
+    assert np.polyfit(np.log(durations), np.log(errors), 1)[0] == pytest.approx(5.0, abs=0.1)

@@ -177,3 +177,12 @@ def test_a_block_at_rest_begins_on_the_side_of_the_push(phase):
     run = histories(scene, cycles=1, realizations=20, samples_per_cycle=64)
     assert (np.sign(run.angle[:, 1]) == -math.cos(phase)).all()
     assert run.impact_time.min() > 1.0
+
+
+@pytest.mark.parametrize("restitution", [0.35, 0.7])
+def test_the_side_of_a_negligible_force_decides_no_path_from_rest(restitution):
+    """Of equal noise. A sixth of the paths changed side where the first step met an impact on the way to one side."""
+    scenes = [Scene(Block(restitution), Harmonic(1e-9, 20.0, phase), WhiteNoise(3.0)) for phase in (0.0, math.pi)]
+    one, other = (simulate(scene, cycles=1, realizations=1000).angle[:, 1] for scene in scenes)
+    assert np.mean(np.sign(one) != np.sign(other)) < 0.01
+    assert 400 < np.count_nonzero(one > 0.0) < 600

@@ -87,22 +87,22 @@ def add_path_correction(particular, duration, dx, dv, out):
 
 
 @kernel
-def _advance(x, v, side, segment, end, slow, block, critical_angle):
-    """Return (x, v, side, time) at the `end` of a forcing, or where the path overturns, through impacts and rest.
+def _advance(x, v, side, segment, end, slow, block, critical_angle, start=0.0):
+    """Return (x, v, side, time) at an `end` within a forcing, or where the path overturns, through impacts and rest.
 
-    It begins at (x, v) on a side (±1, 0 at rest) at t = 0; chatter of a time up to `slow` is summed. An exact block
+    It begins at (x, v) on a side (±1, 0 at rest) at `start`; chatter of a time up to `slow` is summed. An exact block
     is followed by collocation where it cannot overturn.
     """
     if critical_angle is not None:  # numba leaves the branch out for an argument of type None
-        low, high = segment.force_low, segment.force_high
+        low, high, duration = segment.force_low, segment.force_high, end - start
         # A bound without sines first: on this side of the cut-off u'' is less than that angle and the force together.
         rise = block.cutoff + max(high, -low)
-        most = side * (x + end * v) + 0.5 * rise * end * end
+        most = side * (x + duration * v) + 0.5 * rise * duration * duration
         if most >= block.cutoff:
-            _, most = folded_angle_bounds(side * x, side * v, side, low, high, end, block)
+            _, most = folded_angle_bounds(side * x, side * v, side, low, high, duration, block)
         if side != 0 and most < block.cutoff:
-            return advance_collocated(segment.force, end, x, v, side, 0.0, end, block, None, 0.0, slow)
-    return advance_through_events(x, v, side, segment, 0.0, end, block, None, 0.0, slow)
+            return advance_collocated(segment.force, end, x, v, side, start, end, block, None, 0.0, slow)
+    return advance_through_events(x, v, side, segment, start, end, block, None, 0.0, slow)
 
 
 @kernel
@@ -135,6 +135,9 @@ def trace_point(x, v, side, segment, block, noise, scratch, ends, flags):
     if kind == Event.IMPACT and inside and not still and abs(speed) > TUNING.linear_impact * spread:
         smooth = abs(speed) > TUNING.smooth_impact * spread
         _through_fast_impact(x, v, (time, speed, side, smooth), segment, block, noise, scratch, ends, flags)
+        return
+    if kind == Event.IMPACT and noise.diffusion >= TUNING.strong_diffusion:
+        _kicks_within(x, v, side, segment, block, noise, ends, flags)
         return
     force = value_and_slope(segment.force, time)[0]
     if still or (kind == Event.IMPACT and not can_lift_off(force, force, block)):
@@ -239,6 +242,37 @@ def _split_kicks(x, v, side, half, rests, segment, block, noise, ends, flags):
             if xn == 0.0 and not rests:
                 sl = 1 if vl > 0.0 else -1
         write_end(n, xn, vl, sl, Exit.REST if rests else side, block.cutoff, ends, flags)
+
+
+@kernel
+def _kicks_within(x, v, side, segment, block, noise, ends, flags):
+    """Write the ends of paths from (x, v) whose noise is two kicks of the velocity, at the Gauss points of the step.
+
+    A kick is a node times sqrt(D duration): the covariance of a flight is that of the noise to order 5 in the duration.
+    Nodes of the same first kick follow each other.
+    """
+    nodes, duration = noise.nodes, noise.duration
+    size, early = math.sqrt(noise.diffusion * duration), duration * (0.5 - math.sqrt(1.0 / 12.0))
+    late, angle = duration - early, block.critical_angle
+    x1, v1, s1, _ = _advance(x, v, side, segment, early, CHATTER_TIME, block, angle)
+    x2, v2, s2 = x1, v1, s1
+    for n in range(len(nodes)):
+        if abs(x1) < block.cutoff and (n == 0 or nodes[n, 0] != nodes[n - 1, 0]):
+            kicked, s2 = _kick(x1, v1, s1, size * nodes[n, 0], block)
+            x2, v2, s2, _ = _advance(x1, kicked, s2, segment, late, CHATTER_TIME, block, angle, early)
+        xn, vn, sn = x2, v2, s2
+        if abs(x2) < block.cutoff:
+            kicked, sn = _kick(x2, v2, s2, size * nodes[n, 1], block)
+            xn, vn, sn, _ = _advance(x2, kicked, sn, segment, duration, CHATTER_TIME, block, angle, late)
+        write_end(n, xn, vn, sn, side, block.cutoff, ends, flags)
+
+
+@kernel(inline="always")
+def _kick(x, v, side, kick, block):
+    """Return (v, side) after a kick of the velocity; at x = 0 the block leaves to the side of its velocity."""
+    toward = side if side != 0 else (1 if kick > 0.0 else -1)
+    v += kick * force_factor(abs(x), toward, block)
+    return v, (1 if v > 0.0 else -1) if x == 0.0 else side
 
 
 @kernel
