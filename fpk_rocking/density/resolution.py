@@ -17,7 +17,6 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.density.space import extended_lines, graded_lines
 from fpk_rocking.density.step import Exit
 from fpk_rocking.density.step.characteristics import Noise, principal_axes, trace_point
-from fpk_rocking.density.step.contact import layer_time
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import Quadrature
 from fpk_rocking.density.tuning import TUNING
@@ -220,11 +219,12 @@ class Resolution:
 
     def _contact_parts(self, scene, duration):
         """Return the parts, an int, that slow impacts take of a step of a `duration`."""
-        if not _rests_long(scene):
-            return 1
         restitution = math.sqrt(math.prod(scene.block.restitution_by_side))
-        # Two solutions differ by all of an error that falls by half from the one to the other.
-        longest = TUNING.contact_part * layer_time(scene.noise.diffusion, restitution) * (12.0 / self.steps) ** 2
+        if restitution > TUNING.low_restitution or not _rests_long(scene):
+            return 1
+        # With the square of the steps an error of first order falls by half from one solution to the next.
+        part = TUNING.contact_part * (12.0 / self.steps) ** 2
+        longest = part * scene.noise.diffusion ** (1.0 / 3.0) / (1.0 - restitution**2)
         return min(math.ceil(duration / longest), TUNING.most_contact_parts)
 
 

@@ -137,14 +137,16 @@ class Tuning(NamedTuple):
     velocity."""
     linear_impact: float = 2.0
     """Speed of an impact over sqrt(2 D h) above which noise is carried by the saltation matrix."""
-    contact_part: float = 3.0
-    """Longest part of a step in which slow impacts are followed, at 12 steps a cycle, in units of `layer_time`; it falls
-    like the square of the steps. With four parts the error of survival by slow impacts falls from .0017 to .0002."""
+    low_restitution: float = 0.7
+    """Restitution up to which slow impacts are followed in parts of a step: at .8 survival is off by .0003 without."""
+    contact_part: float = 0.15
+    """Longest part, at 12 steps a cycle, over D^(1/3)/(1-e²): survival is then within .0004, without parts within .006,
+    for D from .004 to .04. It falls like the square of the steps, so that two solutions differ by most of the error."""
     most_contact_parts: int = 16
-    """Most parts of a step in which slow impacts are followed."""
-    contact_angle_points: float = 2.0
-    """Gauss points in angle of a cell over those of the resolution, where steps have parts: noise is so weak that cells
-    are wide in angle beside what it does in a step, and survival is off by up to .0009 without."""
+    """Most parts of a step."""
+    contact_angle_points: float = 1.6
+    """Gauss points in angle of a cell over those of the resolution, where steps have parts: so weak a noise spreads
+    angles far less than a cell within a step, and survival would be off by up to .0009."""
     smooth_impact: float = 5.0
     """The same above which it is also carried by the expansion about the path without noise: survival is then within
     1.7e-5 of that by whole paths."""
