@@ -33,7 +33,7 @@ GROUPS = {
         "rest_(angle|velocity)|least_.*_range": ("main", "block at rest"),
         "resting_nodes_beside|last_step_smooth": (),
         "patch_.*|free_patch_nodes|no_mass|visible_mass|missing_mass|closed_form_part": ("main", "rack", "pulse"),
-        "contact_(part|angle_points)|low_restitution": ("rattling",),
+        "contact_(part|rim|angle_points)|low_restitution": ("rattling",),
         "resolved|barely_resolved|rattle_.*|(lifted|waiting|contact)_step": ("main", "block at rest", "pulse"),
         "exact_.*|bent_gaussian": ("rack",),
         "sticking_.*|layer_.*|hop_gain|forgetting_.*|faintest_.*|faded_.*|settled_.*": ("pulse", "block at rest"),

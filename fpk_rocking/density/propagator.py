@@ -261,9 +261,7 @@ class PeriodicPropagator(CyclicPropagator):
     def _apply(self, k, state):
         """Return (density, outflow, None) of a `PeriodicState` after step k: shapes ``space.shape`` and (3,)."""
         step = self.steps[k]
-        if mark_massive_cells(
-            state.density, self.space.areas, self.negligible, step.active, self.active[k]
-        ):
+        if mark_massive_cells(state.density, self.space.areas, self.negligible, step.active, self.active[k]):
             step.activate(with_neighbours(self.active[k]))
         return *step.apply(state.density), None
 

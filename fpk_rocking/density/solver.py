@@ -356,6 +356,8 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
     different = discretization.steps / periods_per_cycle(scene) if scene.repeats else steps
     path = TUNING.seconds_exact_path if scene.block.critical_angle else TUNING.seconds_path
     preparation = paths * path + space.unknowns * TUNING.seconds_preparation
+    if discretization.contact_parts > 1:
+        preparation += discretization.contact_parts * TUNING.seconds_contact_part
     application = paths * TUNING.seconds_deposit + space.unknowns * TUNING.seconds_flight
     return float(TUNING.seconds_startup + different * preparation + steps * application)
 

@@ -74,6 +74,8 @@ class Tuning(NamedTuple):
     """Seconds for an unknown in a step to be taken."""
     seconds_integral: float = 1e-8
     """Seconds for a number of the matrices of a remap."""
+    seconds_contact_part: float = 8e-3
+    """Seconds for a part of a step through slow impacts to be set up."""
     seconds_startup: float = 0.18
     """Seconds from the start to the first density that the mesh resolves."""
 
@@ -144,6 +146,8 @@ class Tuning(NamedTuple):
     for D from .004 to .04. It falls like the square of the steps, so that two solutions differ by most of the error."""
     most_contact_parts: int = 16
     """Most parts of a step."""
+    contact_rim: int = 3
+    """Cells of the small mesh of these parts beyond where paths go: less than 1e-8 of the mass leaves it in a step."""
     contact_angle_points: float = 1.6
     """Gauss points in angle of a cell over those of the resolution, where steps have parts: so weak a noise spreads
     angles far less than a cell within a step, and survival would be off by up to .0009."""

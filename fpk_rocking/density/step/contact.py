@@ -146,14 +146,13 @@ def _window(whole, cells):
     dynamics, duration, lines = whole.dynamics, whole.duration, whole.source.lines
     segment, noise = dynamics.segment(whole.start, duration), math.sqrt(2.0 * dynamics.diffusion * duration)
     bounds = [acceleration_bounds(side, segment.force_low, segment.force_high, dynamics.block) for side in SIDES]
-    begins = (np.abs(part[np.unique(k)[[0, -1]] + [0, 1]]).max() for part, k in zip(lines, np.nonzero(cells), strict=True))
-    far, fast = begins
+    far, fast = (max(-part[k.min()], part[k.max() + 1]) for part, k in zip(lines, np.nonzero(cells), strict=True))
     fast += np.max(bounds) * duration + TUNING.deviations * dynamics.largest_factor * noise
     far += fast * duration
-    return tuple(
-        slice(max(np.searchsorted(part, -most, "right") - 1, 0), min(np.searchsorted(part, most), len(part) - 1))
-        for part, most in zip(lines, (far, fast), strict=True)
-    )
+    # The projection of what is near an edge of the small mesh reaches a few cells further.
+    ends = ((np.searchsorted(part, (-most, most)), part) for part, most in zip(lines, (far, fast), strict=True))
+    rim = TUNING.contact_rim
+    return tuple(slice(max(int(low) - 1 - rim, 0), min(int(high) + rim, len(part) - 1)) for (low, high), part in ends)
 
 
 def _part_of(space, window):
