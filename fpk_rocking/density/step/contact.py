@@ -157,4 +157,5 @@ def _window(whole, cells):
 
 def _part_of(space, window):
     """Return the `Space` of the cells of another one in `window`, slices of angle and velocity cells."""
-    return Space(*(lines[k.start : k.stop + 1] for lines, k in zip(space.lines, window, strict=True)), space.degree)
+    angle, velocity = (lines[k.start : k.stop + 1] for lines, k in zip(space.lines, window, strict=True))
+    return Space(angle, velocity, space.degree)
