@@ -33,12 +33,13 @@ GROUPS = {
         "rest_(angle|velocity)|least_.*_range": ("main", "block at rest"),
         "resting_nodes_beside|last_step_smooth": (),
         "patch_.*|free_patch_nodes|no_mass|visible_mass|missing_mass|closed_form_part": ("main", "rack", "pulse"),
+        "contact_(part|rim|angle_points)|low_restitution": ("rattling",),
         "resolved|barely_resolved|rattle_.*|(lifted|waiting|contact)_step": ("main", "block at rest", "pulse"),
         "exact_.*|bent_gaussian": ("rack",),
         "sticking_.*|layer_.*|hop_gain|forgetting_.*|faintest_.*|faded_.*|settled_.*": ("pulse", "block at rest"),
         "mode.*|subspace|steps_(before|until)_modes|smoothing_.*|least_(eigenvalue|rate)|reached_.*": ("operator",),
         "operator_.*": ("operator",),
-        "finer_.*|largest_.*|bytes_.*|long_seconds|seconds_.*|spread.*": (),
+        "most_contact_parts|finer_.*|largest_.*|bytes_.*|long_seconds|seconds_.*|spread.*": (),
         "negligible_mass|unresolved_negative_mass|negative_mass_ratio|.*_before|safety|bins_.*": (
             "main",
             "rack",
@@ -88,6 +89,9 @@ def calls():
         fpk.FilteredNoise("exponential", 0.04, 3.0),
         overturning=fpk.Overturning(0.03),
     )
+    rattling = fpk.Scene(
+        fpk.Block(0.423), fpk.Harmonic(1.05, 1.356, 3.77), fpk.WhiteNoise(0.00376), fpk.Start(0.1, -0.1)
+    )
     moving = fpk.Scene(fpk.Block(0.6), fpk.Harmonic(3.0, 2.7, math.pi), fpk.FilteredNoise("exponential", 0.05, 5.0))
 
     def simulated(scene, cycles, paths=PATHS, **options):
@@ -132,6 +136,7 @@ def calls():
         "splitting": (main.varied(noise={"variance": 0.03}).white_equivalent(), split),
         "main": (main, solved, 4, {"tol": 1e-2}),
         "block at rest": (band, solved, 2, {"tol": 3e-2}),
+        "rattling": (rattling, solved, 2, {"tol": 2e-2}),
         "rack": (white_rack, solved, 3, {"tol": 2e-2}),
         "pulse": (pulse, solved, 0, {"times": [2.0, 4.0, 6.0], "tol": 2e-2}),
         "two states": (

@@ -20,6 +20,7 @@ from fpk_rocking.density.patches import initial_density
 from fpk_rocking.density.resolution import Discretization, in_rest, periods_per_cycle
 from fpk_rocking.density.space import Space, reflected
 from fpk_rocking.density.startup import StartUp, takeover_step
+from fpk_rocking.density.step.contact import ContactStep
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.step import (
     Characteristics,
@@ -228,8 +229,12 @@ class PeriodicPropagator(CyclicPropagator):
         self._startups = coarse._startups if same else {}
 
     def _step(self, begin):
-        """Return a `Step` from a time `begin` on, without active cells."""
-        rule = self.discretization.quadrature
+        """Return a `Step` from a time `begin` on, or a `ContactStep`, without active cells."""
+        rule, parts = self.discretization.quadrature, self.discretization.contact_parts
+        if parts > 1:
+            return ContactStep(
+                self.space, begin, self.duration, self.dynamics, rule, parts, self.negligible, self.buffers
+            )
         characteristics = Characteristics(self.space, begin, self.duration, self.dynamics, rule, cells=False)
         return Step(characteristics, self.space, self.buffers)
 
@@ -256,9 +261,7 @@ class PeriodicPropagator(CyclicPropagator):
     def _apply(self, k, state):
         """Return (density, outflow, None) of a `PeriodicState` after step k: shapes ``space.shape`` and (3,)."""
         step = self.steps[k]
-        if mark_massive_cells(
-            state.density, self.space.areas, self.negligible, step.characteristics.active, self.active[k]
-        ):
+        if mark_massive_cells(state.density, self.space.areas, self.negligible, step.active, self.active[k]):
             step.activate(with_neighbours(self.active[k]))
         return *step.apply(state.density), None
 

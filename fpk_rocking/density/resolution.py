@@ -132,6 +132,7 @@ class Discretization:
     quadrature: Quadrature
     steps: int
     patches: PatchSettings
+    contact_parts: int = 1
 
     @property
     def cells(self):
@@ -154,6 +155,8 @@ class Discretization:
         angle_cells, velocity_cells = self.cells
         plain = {"angle_cells": angle_cells, "velocity_cells": velocity_cells, "degree": self.degree}
         plain |= {"quadrature": dataclasses.asdict(self.quadrature), "steps": self.steps}
+        if self.contact_parts > 1:
+            plain["contact_parts"] = self.contact_parts
         return plain | {"patches": dataclasses.asdict(self.patches)}
 
 
@@ -168,8 +171,8 @@ class Resolution:
     steps: int
     patches: PatchSettings
 
-    def adapted(self, scene, bound, motion, beyond=0.0, growth=TUNING.tail_growth):
-        """Adapt the resolution to a scene."""
+    def adapted(self, scene, bound, motion, beyond=0.0, growth=TUNING.tail_growth, filtered=False):
+        """Adapt the resolution to a scene, or to one whose `filtered` noise this white noise stands for."""
         cutoff, far = scene.overturning.angle, max(motion.angle, TUNING.rest_angle)
         fast = min(max(motion.velocity, TUNING.rest_velocity), bound)
         # Where the block comes to rest x goes with v²: the lines of the angle are graded like that.
@@ -187,25 +190,48 @@ class Resolution:
         growths = [
             1.0 + (growth - 1.0) * min(TUNING.tail_cells / cells, 1.0) for cells in (angle_cells, velocity_cells)
         ]
+        steps = self._steps(scene, fast)
+        parts = self._contact_parts(scene, period / steps) if scene.repeats and not filtered else 1
+        quadrature = self.quadrature
+        if parts > 1:
+            points = math.ceil(TUNING.contact_angle_points * quadrature.angle)
+            quadrature = dataclasses.replace(quadrature, angle=points)
         return Discretization(
             extended_lines(angle, cutoff, growths[0]),
             extended_lines(extended_lines(velocity, bound, growths[1]), beyond),
             self.degree,
-            self.quadrature,
-            self._steps(scene, fast),
+            quadrature,
+            steps,
             self.patches,
+            parts,
         )
 
     def _steps(self, scene, fast):
         """Return the steps a cycle, an even int, for a scene whose blocks usually move up to a velocity `fast`."""
         # A slow motion meets impacts more often.
         moving = TUNING.moving_step * math.sqrt(min(fast, 1.0))
-        rests = scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
+        rests = _rests_long(scene)
         noisy = TUNING.noisy_step * fast**2 / scene.noise.diffusion
         period = cycle_of(scene)
         steps = self.steps / 16 * period / min(moving, TUNING.resting_step if rests else moving, noisy)
         fewest = TUNING.steps_per_harmonic * period / scene.forcing.shortest_period
         return _even(max(steps, self.steps, fewest))
+
+    def _contact_parts(self, scene, duration):
+        """Return the parts, an int, that slow impacts take of a step of a `duration`."""
+        restitution = math.sqrt(math.prod(scene.block.restitution_by_side))
+        strong = scene.noise.diffusion >= TUNING.strong_diffusion
+        if strong or restitution > TUNING.low_restitution or not _rests_long(scene):
+            return 1
+        # With the square of the steps an error of first order falls by half from one solution to the next.
+        part = TUNING.contact_part * (12.0 / self.steps) ** 2
+        longest = part * scene.noise.diffusion ** (1.0 / 3.0) / (1.0 - restitution**2)
+        return min(math.ceil(duration / longest), TUNING.most_contact_parts)
+
+
+def _rests_long(scene):
+    """Whether a block at rest stays there for long in each cycle of a scene, so that its impacts are slow: a bool."""
+    return scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
 
 
 def cycle_of(scene):

@@ -233,8 +233,9 @@ def _discretizations(scene, white, motion, resolutions):
         diffusion = max(equivalent_diffusion(scene.noise), scene.noise.variance * scene.noise.space.inward_variance)
     # Blocks that are bound to overturn, but have not yet, may be faster than the bound.
     bound = max(velocity_bound(white, diffusion), 1.1 * motion.fastest)
-    planes = [resolution.adapted(white, bound, motion) for resolution in resolutions]
-    if scene.noise.kind != "filtered":
+    filtered = scene.noise.kind == "filtered"
+    planes = [resolution.adapted(white, bound, motion, filtered=filtered) for resolution in resolutions]
+    if not filtered:
         return planes
     start_helpers(REST[kind_of(scene.block)])
     first = len(RESOLUTIONS) - len(resolutions)
@@ -355,6 +356,8 @@ def estimated_seconds(scene: Scene, discretization: Discretization, times: Array
     different = discretization.steps / periods_per_cycle(scene) if scene.repeats else steps
     path = TUNING.seconds_exact_path if scene.block.critical_angle else TUNING.seconds_path
     preparation = paths * path + space.unknowns * TUNING.seconds_preparation
+    if discretization.contact_parts > 1:
+        preparation += discretization.contact_parts * TUNING.seconds_contact_part
     application = paths * TUNING.seconds_deposit + space.unknowns * TUNING.seconds_flight
     return float(TUNING.seconds_startup + different * preparation + steps * application)
 

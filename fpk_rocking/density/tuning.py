@@ -74,6 +74,8 @@ class Tuning(NamedTuple):
     """Seconds for an unknown in a step to be taken."""
     seconds_integral: float = 1e-8
     """Seconds for a number of the matrices of a remap."""
+    seconds_contact_part: float = 8e-3
+    """Seconds for a part of a step through slow impacts to be set up."""
     seconds_startup: float = 0.18
     """Seconds from the start to the first density that the mesh resolves."""
 
@@ -137,6 +139,18 @@ class Tuning(NamedTuple):
     velocity."""
     linear_impact: float = 2.0
     """Speed of an impact over sqrt(2 D h) above which noise is carried by the saltation matrix."""
+    low_restitution: float = 0.7
+    """Restitution up to which slow impacts are followed in parts of a step: at .8 survival is off by .0003 without."""
+    contact_part: float = 0.15
+    """Longest part, at 12 steps a cycle, over D^(1/3)/(1-e²): survival is then within .0004, without parts within .006,
+    for D from .004 to .04. It falls like the square of the steps, so that two solutions differ by most of the error."""
+    most_contact_parts: int = 16
+    """Most parts of a step."""
+    contact_rim: int = 3
+    """Cells of the small mesh of these parts beyond where paths go: less than 1e-8 of the mass leaves it in a step."""
+    contact_angle_points: float = 1.6
+    """Gauss points in angle of a cell over those of the resolution, where steps have parts: so weak a noise spreads
+    angles far less than a cell within a step, and survival would be off by up to .0009."""
     smooth_impact: float = 5.0
     """The same above which it is also carried by the expansion about the path without noise: survival is then within
     1.7e-5 of that by whole paths."""

@@ -163,6 +163,11 @@ class Step:
         self._extend(*self.characteristics.activate(cells))
 
     @property
+    def active(self):
+        """Mask (angle cells, velocity cells) of the cells whose mass the step moves."""
+        return self.characteristics.active
+
+    @property
     def nbytes(self):
         """Bytes of targets and own remaps. Buffers, characteristics and a shared angle remap are left out."""
         return self._targets.nbytes + (self._flight.nbytes if self._flight else 0)
