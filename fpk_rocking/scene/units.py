@@ -15,8 +15,8 @@ from typing import Any, TypeVar
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.files import UNITS as ACCELERATIONS
-from fpk_rocking.physics.forcing.files import unit_of
+from fpk_rocking.physics.forcing.readers.components import UNITS as ACCELERATIONS
+from fpk_rocking.physics.forcing.readers.components import unit_of
 
 _Number = TypeVar("_Number", float, Array)
 

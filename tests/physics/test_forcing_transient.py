@@ -22,7 +22,7 @@ from fpk_rocking import (
 )
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.cli import main
-from fpk_rocking.physics.forcing.files import MOST
+from fpk_rocking.physics.forcing.readers.components import MOST
 from fpk_rocking.scene import ranges
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
