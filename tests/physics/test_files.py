@@ -236,9 +236,11 @@ def test_of_three_components_one_is_chosen_by_name_or_number(tmp_path):
         with pytest.raises(ValueError, match="got the vertical component 'acc_ud'"):
             Record.from_file(path, units="g", component=component)
     for component in ("acc", "0", 4, "", "north"):
-        with pytest.raises(ValueError, match=f"got the component {component!r}, accepted: a name or a number of 1 acc"):
+        with pytest.raises(
+            ValueError, match=rf"got the component {component!r}, accepted: a name or a number of 1 acc"
+        ):
             Record.from_file(path, units="g", component=component)
-    with pytest.raises(TypeError, match="forcing.component: got 2.0, accepted: a name, or a number from 1"):
+    with pytest.raises(TypeError, match=r"forcing.component: got 2.0, accepted: a name, or a number from 1"):
         Record.from_file(path, units="g", component=2.0)
 
 

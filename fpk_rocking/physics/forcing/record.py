@@ -140,22 +140,22 @@ class Record(TransientForcing):
                 raise ValueError(checks.refusal("forcing.units", units, f"{found.unit!r}{stated}"))
             if interval and found.interval and not math.isclose(interval, found.interval, rel_tol=1e-3):
                 raise ValueError(checks.refusal("forcing.interval", interval, f"{found.interval:g}{stated}"))
-        wanted = found.unit or wanted
+        unit = found.unit or wanted
         interval = found.interval if interval is None or (where_unstated and found.interval) else interval
         missing = []
-        if not wanted:
+        if not unit:
             missing.append(
                 f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
             )
         if interval is None:
             accepted = "the seconds between two samples"
             missing.append(f"forcing.interval: missing, the file {str(file)!r} does not say it, accepted: {accepted}")
-        if missing:
+        if not unit or interval is None:
             options = " and ".join(f"--{text[8 : text.index(':')]}" for text in missing)
             raise ValueError(f"{'; '.join(missing)} (in a shell {options})")
         samples, note = tuple(found.values.tolist()), " ".join(found.sentences)
         about = {"source": file.name, "event": found.event, "note": note}
-        return cls(interval, samples, wanted, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
+        return cls(interval, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
@@ -251,30 +251,40 @@ class Record(TransientForcing):
     def implausible(self) -> list[str]:
         """Sentences on accelerations, velocities and times that are hardly meant, before `scale`."""
         drift, lasts = self.drift, self.interval * (len(self.samples) - 1)
-        name, sentences = self.source or "the record", []
+        name, samples = self.source or "the record", self._samples.array
+        sentences = [f"{self.source}{': ' * bool(self.source)}{self.note}"] * bool(self.note)
         # The strongest horizontal accelerations of the ground are below 3 g, the fastest velocities about 3 m/s.
-        if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units != "cm/s2":
-            # In cm/s² numbers up to 20 would be .02 g at most: they are more likely m/s².
-            number = drift.pga / UNITS[self.units]
+        peak = f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g)"
+        number = drift.pga / UNITS[self.units]
+        if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units in ("g", "m/s2"):
             units = ["m/s2"] * (self.units == "g" and number <= 2.0 * UNITS["g"]) + ["cm/s2"]
             meant = " or ".join(f"{number * UNITS[unit]:.4g} m/s² ({unit.replace('2', '²')})" for unit in units)
-            sentences.append(
-                f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g); was "
-                f"{meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s²."
-            )
+            sentences.append(f"{peak}; was {meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s².")
+        elif 3.0 * UNITS["g"] < drift.pga < math.inf or 0.0 < drift.pga < 1e-3 * UNITS["g"]:
+            sentences.append(f"{peak}: is {self.units} its unit, and are its {number:.4g} no counts?")
         elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
             sentences.append(
                 f"The PGV of {name} is {drift.corrected_pgv:.3g} m/s without drift, and it lasts {lasts:.4g} s: is its "
                 f"interval {self.interval:g} s, and its unit {self.units}?"
             )
+        if len(samples) >= 100 and samples.any():
+            if (samples == np.round(samples)).all() and np.abs(samples).max() >= 1000.0:
+                sentences.append(f"The samples of {name} are whole numbers: are they counts of a recorder?")
+            if samples.min() >= 0.0 or samples.max() <= 0.0:
+                sentences.append(f"All samples of {name} have one sign: are they a spectrum, or have an offset?")
         return sentences
 
     @property
     def drifts(self) -> bool:
-        """Whether the base's velocity is that of a drift, see `Drift`; False for less than 2 s, which say little."""
+        """Whether the base's velocity is that of a drift, see `Drift`, and does not end near 0.
+
+        False for less than 2 s, which say little.
+        """
         # A fifth of a period of the corner: 2 s, whatever the record's times were divided by.
         lasts = self.interval * (len(self.samples) - 1) * self.corner_hz >= 0.2
-        return lasts and self.baseline != "high-pass" and self.drift.drifts
+        # Of samples as they are; a mean or a line that is removed takes the velocity to 0 at the end.
+        rests = self.baseline == "none" and abs(self.drift.end_velocity) < 0.1 * self.drift.corrected_pgv
+        return lasts and self.baseline != "high-pass" and not rests and self.drift.drifts
 
     @functools.cached_property
     def unit(self) -> float:

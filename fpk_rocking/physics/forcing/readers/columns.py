@@ -94,7 +94,10 @@ class _Text(NamedTuple):
 
 def _parted(lines):
     """`_Text` of lines."""
-    header, numbers, rows, comments, last = [], [], [], [], None
+    header: list[str] = []
+    numbers: list[int] = []
+    rows: list[list[str]] = []
+    comments, last = [], None
     for number, line in enumerate(lines, 1):
         comment = _MARKS.match(line)
         if comment and not fields.is_numeric(line):
@@ -189,9 +192,8 @@ def _interval(header):
     text, rate = fields.stated(header, *_INTERVALS), fields.stated(header, *_RATES)
     interval = None
     if text:
-        bracket, value, word = re.search(
-            rf"(?:[(\[](\w+)[)\]])?\s*[=:]?\s*({_N}) ?([a-z]*)", text, re.IGNORECASE
-        ).groups()
+        form = rf"(?:[(\[](\w+)[)\]])?\s*[=:]?\s*({_N}) ?([a-z]*)"
+        bracket, value, word = re.findall(form, text, re.IGNORECASE)[0]
         if bracket and bracket.lower() not in _SECONDS:
             raise ValueError(f"got an interval in {bracket!r}, accepted: {', '.join(_SECONDS)}")
         interval = fields.seconds(value, _SECONDS.get((bracket or word).lower(), 1.0))
@@ -231,7 +233,7 @@ def _names(header, width):
     units = rows[-1] if rows else []
     if units and len(rows) > 1 and rows[-2] and all(map(_is_unit, units)):
         return [f"{name} ({unit.strip('()[]')})" for name, unit in zip(rows[-2], units, strict=True)]
-    names = next((row for row in reversed(rows) if row and all(map(_is_known, row))), [])
+    names: list[str] = next((row for row in reversed(rows) if row and all(map(_is_known, row))), [])
     apart = [
         line for line in header[-2:] if len(_split(line, width)) == width and re.search(r"[,;\t]|\S\s{2,}\S", line)
     ]
@@ -309,7 +311,8 @@ def _in_rows(text, count, interval):
     """The component whose samples stand in rows, of which there are as many as the file states."""
     words = [word.upper().replace("D", "E") for row in text.rows for word in row]
     at = [number for number, row in zip(text.numbers, text.rows, strict=True) for _ in row]
-    samples, notes = fields.numbers(words, at), ()
+    samples = fields.numbers(words, at)
+    notes: tuple[str, ...] = ()
     if count is not None:
         surplus = len(samples) - fields.integer(count)
         if surplus and not (0 < surplus < len(text.rows[-1]) and not samples[-surplus:].any()):

@@ -47,6 +47,5 @@ def components(lines: list[str]) -> list[Component]:
 
 def _unit(line):
     """The unit that a line says."""
-    text = re.split(r"[\s,;:()\[\]]+", line[_UNITS.search(line).end() :].strip(" (["))
-    word = text[0].rstrip(".")
+    word = re.split(r"[\s,;:()\[\]]+", _UNITS.split(line, maxsplit=1)[1].strip(" (["))[0].rstrip(".")
     return unit_of(word) or word

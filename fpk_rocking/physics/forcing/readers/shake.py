@@ -19,10 +19,10 @@ def recognized(lines: list[str]) -> bool:
 
 def components(lines: list[str]) -> list[Component]:
     """The blocks of a file, one for each layer."""
-    places = [place for place, line in enumerate(lines) if _HEADER.match(line)]
-    found = []
-    for place, end in zip(places, [*(place - 1 for place in places[1:]), len(lines)], strict=True):
-        header, title = _HEADER.match(lines[place]), fields.printable(lines[place - 1])
+    matches = [(place, match) for place, match in enumerate(map(_HEADER.match, lines)) if match]
+    found, ends = [], [*(place - 1 for place, _ in matches[1:]), len(lines)]
+    for (place, header), end in zip(matches, ends, strict=True):
+        title = fields.printable(lines[place - 1])
         samples = fields.values(lines[place + 1 : end], int(header[1]), "(8F10.6)")
         name = title.partition(" - ")[0].replace("ACCE. TH AT ", "")
         quantity = "acceleration" if "ACCE" in title.upper() else quantity_of(title) or "unknown quantity"

@@ -58,7 +58,7 @@ def _component(trace, form):
     samples = np.ma.filled(np.asanyarray(trace.data, dtype=float), np.nan) * calib
     if not np.isfinite(samples).all():
         raise ValueError("got samples that are missing or not finite, accepted: one component without gaps")
-    quantity, notes = "acceleration", []
+    quantity = "acceleration"
     sac = getattr(trace.stats, "sac", {})
     quantity = {6: "displacement", 7: "velocity", 50: "counts"}.get(int(sac.get("idep", 0)), quantity)
     if len(channel) == 3 and channel[1] in "HL" and quantity == "acceleration" and sac.get("idep") != 8:
@@ -74,6 +74,5 @@ def _component(trace, form):
         unit,
         quantity,
         vertical,
-        tuple(notes),
-        event=f"{trace.id}",
+        event=trace.id,
     )

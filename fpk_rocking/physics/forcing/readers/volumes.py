@@ -26,7 +26,9 @@ def components(lines: list[str]) -> list[Component]:
     """The accelerations of all channels."""
     if "spectra" in " ".join(lines[:2]).lower():
         raise ValueError("got response spectra (volume 3), accepted: the accelerogram, volume 1 or 2")
-    found, heading, place = [], [], 0
+    found: list[Component] = []
+    heading: list[str] = []
+    place = 0
     while place < len(lines):
         if not fields.is_numeric(lines[place]):
             # What a channel's end leaves behind is not of the next one.
@@ -75,11 +77,11 @@ def _component(heading, rows):
         interval = fields.interval_of(times, [f"{time:.3f}" for time in times])
         return Component(name, pairs[1::2], interval, fields.unit_said([f"unit {said}"]), event=event)
     lasts = fields.seconds(fields.required("a duration", heading, rf"duration\s*=\s*({fields.NUMBER})"))
-    rate = count / lasts
-    if abs(rate - round(rate)) > 1e-6 * rate:
+    each = count / lasts
+    if abs(each - round(each)) > 1e-6 * each:
         raise ValueError(f"got {count} samples in {lasts:g} s, accepted: a whole number of them in a second")
     return Component(
-        name, fields.values(rows, count), 1.0 / round(rate), fields.unit_said([f"unit {said}"]), event=event
+        name, fields.values(rows, count), 1.0 / round(each), fields.unit_said([f"unit {said}"]), event=event
     )
 
 
