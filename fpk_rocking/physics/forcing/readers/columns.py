@@ -22,7 +22,7 @@ from fpk_rocking.physics.forcing.readers.components import (
 
 NAME = "columns"
 
-_MARKS = re.compile(r"\s*(?:[#%!*]|//)+")
+_MARKS = re.compile(r"\s*(?:[#%!]|//)+")
 _TIME = re.compile(r"t|(?:t|time|zeit|temps|tiempo|zaman|sec(?:ond)?s?)\b.*|s|ms", re.IGNORECASE)
 _SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
@@ -100,7 +100,7 @@ def _parted(lines):
     comments, last = [], None
     for number, line in enumerate(lines, 1):
         comment = _MARKS.match(line)
-        if comment and not fields.is_numeric(line):
+        if comment:
             header += [line[comment.end() :].strip()] * (not rows)
             comments.append((number, len(rows)))
             continue
@@ -111,7 +111,7 @@ def _parted(lines):
         if bad is None:
             numbers += [number] * bool(entries)
             rows += [entries] * bool(entries)
-        elif not rows and not re.fullmatch(r"[-+]?(nan|inf\w*)|\*+", bad, re.IGNORECASE):
+        elif not rows and not re.fullmatch(r"[-+]?(nan|inf\w*)|\*{2,20}", bad, re.IGNORECASE):
             header.append(line.strip())
             last = number, entries, bad
         else:

@@ -174,7 +174,7 @@ def _rounded_interval(times, words):
     """Interval of equally spaced times that the file has rounded; 0.0 where rounding does not explain them.
 
     Rounded to decimals, some line has all of them within half a unit of the last one. Rounded to significant digits,
-    the line through the ends has them within a unit of theirs. Fewer than ten tell nothing.
+    the line through the best of them has all within a unit of theirs. Fewer than ten tell nothing.
     """
     if len(times) < 10 or not (np.diff(times) >= 0.0).all():
         return 0.0
@@ -197,5 +197,8 @@ def _rounded_interval(times, words):
     if digits < 4 or not times[0] >= 0.0:
         return 0.0
     units = 10.0 ** (np.floor(np.log10(np.maximum(times, ends))) + 1 - digits)
-    explained = (np.abs(times - times[0] - ends * count) <= units).all() and units[1] < 0.1 * ends
-    return float(ends) if explained else 0.0
+    # The time that tells the interval best: late, and with many decimals.
+    best = 1 + int(np.argmin(units[1:] / count[1:]))
+    interval = float((times[best] - times[0]) / best)
+    explained = (np.abs(times - times[0] - interval * count) <= units).all() and units[1] < 0.1 * interval
+    return interval if explained else 0.0

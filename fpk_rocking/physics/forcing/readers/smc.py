@@ -13,7 +13,9 @@ _TEXTS, _INTEGERS, _REALS = 11, 6, 10
 def recognized(lines: list[str]) -> bool:
     """Whether the first line states a kind of the format, and the second is a comment."""
     kinds = r"\s*[1-9] +(un)?corrected accelerogram|\s*[1-9] +(velocity|displacement|.*spectr)"
-    return len(lines) > 40 and bool(re.match(kinds, lines[0], re.I)) and lines[1].startswith("*")
+    return (
+        len(lines) > _TEXTS + _INTEGERS + _REALS and bool(re.match(kinds, lines[0], re.I)) and lines[1].startswith("*")
+    )
 
 
 def components(lines: list[str]) -> list[Component]:

@@ -36,7 +36,8 @@ def components(lines: list[str]) -> list[Component]:
             place += 1
             continue
         end = next((k for k in range(place, len(lines)) if not fields.is_numeric(lines[k])), len(lines))
-        component = _component(heading, lines[place:end])
+        ahead = next(filter(str.strip, lines[end:]), "")
+        component = _component(heading, lines[place:end], bool(_DATA.search(ahead)))
         if component:
             found.append(component)
             heading = []
@@ -46,8 +47,8 @@ def components(lines: list[str]) -> list[Component]:
     return found
 
 
-def _component(heading, rows):
-    """The acceleration in rows below a heading; None for rows of a header, a velocity or a displacement."""
+def _component(heading, rows, headed):
+    """The acceleration in rows below a heading; None for a velocity, a displacement, or a header of `headed` data."""
     data = _DATA.search(heading[-1]) if heading else None
     if data and (data[2] or "acc").lower() != "acc":
         return None
@@ -64,13 +65,13 @@ def _component(heading, rows):
         unit = fields.unit_said([re.sub(r"^.*sec[.,]?\s+in\s+(?!unit)", "unit ", heading[-1], flags=re.IGNORECASE)])
         peak = fields.stated(heading, rf"peak acceleration\s*=\s*({fields.NUMBER})")
         return Component(name, samples, interval, unit, peak=float(peak) if peak else None, event=event)
-    skipped = _header_rows(rows)
-    if skipped == len(rows):
+    skipped = next((place for place, row in enumerate(rows) if "." in row), len(rows)) + _REAL_ROWS
+    if headed or len(rows) <= skipped:
         return None
     count = int(fields.required("the number of points", heading, r"no\. of points\s*=\s*(\d+)"))
     said = fields.required("units", heading, r"units\b[^=]*?\bsec(?:onds)?\s+and\s+(\S+)").strip(".")
     rows = rows[skipped:]
-    if len(" ".join(rows).split()) != count:
+    if sum(len(fields.parted(word)) for word in " ".join(rows).split()) != count:
         pairs = fields.values(rows, 2 * count, "(10F7.3)", "times and samples")
         times = pairs[::2]
         # Decimals of the times: three.
@@ -83,10 +84,3 @@ def _component(heading, rows):
     return Component(
         name, fields.values(rows, count), 1.0 / round(each), fields.unit_said([f"unit {said}"]), event=event
     )
-
-
-def _header_rows(rows):
-    """Number of rows with the integers and reals of a header, before samples without a heading."""
-    integers = next((place for place, row in enumerate(rows) if "." in row), len(rows))
-    # A volume 2 has twice as many reals, and a heading behind them.
-    return len(rows) if len(rows) <= integers + 2 * _REAL_ROWS else integers + _REAL_ROWS
