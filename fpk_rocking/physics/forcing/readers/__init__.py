@@ -6,7 +6,7 @@ import io
 import pathlib
 import re
 import zlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from fpk_rocking.physics.forcing.readers import (
     asa,
@@ -23,7 +23,7 @@ from fpk_rocking.physics.forcing.readers import (
 )
 from fpk_rocking.physics.forcing.readers.components import ACCEPTED, MOST, Component, chosen, quantity_of
 
-FAMILIES = (peer, knet, dyna, cosmos, geonet, smc, volumes, asa, shake, columns)
+FAMILIES: list[Any] = [peer, knet, dyna, cosmos, geonet, smc, volumes, asa, shake, columns]
 """Modules with NAME, ``recognized(lines)`` and ``components(lines)``; the first that recognizes a file reads it."""
 
 _LARGEST = 64 * MOST

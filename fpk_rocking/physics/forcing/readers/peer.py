@@ -12,7 +12,8 @@ _HEADERS = (
     re.compile(r"NPTS\s*=\s*(\d+)\s*,?\s*DT\s*=\s*([-+.\dDE]+)", re.IGNORECASE),
     re.compile(r"^\s*(\d+)\s+([-+.\dDE]+)\s+NPTS\s*,\s*DT", re.IGNORECASE),
 )
-_UNITS = re.compile(r"\bunits?\b\s*(?:of|are|in|is|:|=)?\s*|\b(?:acc\w*|vel\w*|disp\w*)\s*(?:in\b|(?=[(\[]))", re.I)
+_UNITS = re.compile(r"\bunits?\b\s*(?:of|are|in|is|:|=)?\s*", re.IGNORECASE)
+_IN = re.compile(r"\b(?:acc\w*|vel\w*|disp\w*)\s*(?:in\b|(?=[(\[]))", re.IGNORECASE)
 
 
 def recognized(lines: list[str]) -> bool:
@@ -38,7 +39,7 @@ def components(lines: list[str]) -> list[Component]:
     words = re.sub(r"\(.*?\)", " ", title.rpartition(",")[2]).split()
     # A longer end is no name of a component, but its last word may be.
     name = " ".join(words) if len(words) <= 3 else words[-1] if is_vertical(words[-1]) else ""
-    said = [line for line in head if _UNITS.search(line)]
+    said = [line for line in head if _UNITS.search(line) or _IN.search(line)]
     unit = _unit(said[-1]) if said else ""
     quantity = next(filter(None, map(quantity_of, said[-1:])), "acceleration")
     event = fields.printable(title)
@@ -47,5 +48,6 @@ def components(lines: list[str]) -> list[Component]:
 
 def _unit(line):
     """The unit that a line says."""
-    word = re.split(r"[\s,;:()\[\]]+", _UNITS.split(line, maxsplit=1)[1].strip(" (["))[0].rstrip(".")
+    words = (_UNITS if _UNITS.search(line) else _IN).split(line, maxsplit=1)[1].strip(" ([")
+    word = re.split(r"[\s,;:()\[\]]+", words)[0].rstrip(".")
     return unit_of(word) or word
