@@ -332,13 +332,17 @@ WRONG = {
     "frequencies": ("freq (Hz),acc (g)\n0,1\n1,2\n", "a response spectrum"),
     "vertical column": ("time,acc_UD_g\n0,1\n1,2\n", "the vertical component 'acc_UD_g'"),
     "vertical words": ("time,Acceleration Z (m/s2)\n0,1\n1,2\n", "the vertical component 'Acceleration Z"),
+    "vertical header": ("El Centro, vertical\n0 1\n1 2\n", "the vertical component"),
+    "seismometer": ("time,BHE\n0,1\n1,2\n", "a seismometer's velocity 'BHE'"),
     "unknown unit": ("time,acc (mGal)\n0,1\n1,2\n", "the unknown unit 'mGal'"),
     "unknown column": ("time,theta\n0,1\n1,2\n", "a column whose name says no acceleration"),
     "unknown times": ("time (h),acc (g)\n0,1\n1,2\n", "times in 'h', accepted: s"),
     "two intervals": ("# dt = 0.01\n# Time Step: 0.02\n1\n2\n3\n", "header with '= 0.01' and ': 0.02' for one thing"),
     "times and interval": ("# dt = 0.02\n0.00 1\n0.01 2\n0.02 3\n", "times at 0.01 s, accepted: the 0.02 s"),
     "two units": ("# Acceleration (g)\n# units: m/s2\n1\n2\n", "a header with the units g and m/s2"),
-    "a comment between": ("# dt=.01\n1\n2\n# NS\n1\n2\n", r"a comment between samples, .* \(line 4\)"),
+    "a comment between": ("# dt=.01\n1\n2\n# NS\n1\n2\n", r"a comment or a blank line between samples, .* \(line 4\)"),
+    "a blank line": ("1\n2\n\n2\n", r"a comment or a blank line between samples, .* \(line 3\)"),
+    "run together": ("0.0 1.2E-022.5E-03\n0.1 1.0\n", "got 0 samples|'1.2E-022.5E-03', accepted: finite numbers"),
     "columns for rows": (
         "\n".join(" ".join(f"{k + 9 * j}" for j in range(6)) for k in (5, 4, 3, 4, 5, 6)),
         "6 columns without",
@@ -367,6 +371,8 @@ def test_what_is_no_horizontal_acceleration_is_refused_by_name(name, tmp_path):
         ("Christchurch_UP.dat", "vertical component"),
         ("OWN001.UD", "vertical component"),
         ("a-strainTs.csv", "strain"),
+        ("IU.CCM.00.BHE.txt", "seismometer's velocity"),
+        ("CI.MIKB..HNZ.txt", "vertical component"),
     ],
 )
 def test_a_name_of_a_file_tells_where_its_text_does_not(name, says, tmp_path):

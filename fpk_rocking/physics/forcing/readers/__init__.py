@@ -21,7 +21,7 @@ from fpk_rocking.physics.forcing.readers import (
     traces,
     volumes,
 )
-from fpk_rocking.physics.forcing.readers.components import ACCEPTED, MOST, Component, chosen, quantity_of
+from fpk_rocking.physics.forcing.readers.components import ACCEPTED, MOST, SEISMOMETER, Component, chosen, quantity_of
 
 FAMILIES: list[Any] = [peer, knet, dyna, cosmos, geonet, smc, volumes, asa, shake, columns]
 """Modules with NAME, ``recognized(lines)`` and ``components(lines)``; the first that recognizes a file reads it."""
@@ -133,10 +133,14 @@ def said_by_name(path: pathlib.Path, found: Reading) -> str:
     # Motions that match a spectrum are motions.
     fits = re.search("match|compat|target", stem, re.IGNORECASE)
     said = [quantity for quantity in said if quantity and not (fits and "spectr" in quantity)]
+    if "acceleration" not in said and any(map(SEISMOMETER.fullmatch, words)):
+        said.append("seismometer's velocity")
     if said and "acceleration" not in said:
         return said[0]
     if len(found.components) > 1:
         return ""
+    if any(re.fullmatch(r"[A-Z][NLG]Z", word) for word in words):
+        return "vertical component"
     last = words[-1].upper()
     vertical = re.fullmatch(r"ud\d?|z", suffix) or (
         len(words) > 1 and re.fullmatch(r"UP|UD\d?|U|Z|V|VERT\w*|DN|DWN", last)

@@ -12,6 +12,7 @@ import numpy as np
 
 from fpk_rocking.physics.forcing.readers import fields
 from fpk_rocking.physics.forcing.readers.components import (
+    SEISMOMETER,
     UNITS,
     Component,
     is_vertical,
@@ -37,7 +38,10 @@ _N = fields.NUMBER
 _DECIMAL_COMMA = r"[-+]?\d+,\d+(?:[Ee][-+]?\d+)?"
 _STEP = r"(?:\bdt|\bdelta ?t|\btime (?:step|increment|interval)|\bsampl\w* (?:interval|period|step)|\bintervals? of)"
 _INTERVALS = rf"{_STEP}\b ?((?:[(\[]\w+[)\]])?\s*[=:]?\s*{_N} ?[a-z]*)", rf"equal spacing of ({_N} ?[a-z]*)"
-_RATES = (rf"\bsampl\w* ?(?:rate|freq\w*)\s*(?:[(\[]?\s*hz[)\]]?)?\s*[=:]?\s*({_N})",)
+_RATES = (
+    rf"\bsampl\w* ?(?:rate|freq\w*)\s*(?:[(\[]?\s*hz[)\]]?)?\s*[=:]?\s*({_N})",
+    rf"\b(?:samples? per second|fs)\s*[=:]\s*({_N})",
+)
 _WORDS = r"\b(?:npts?|ndata|nsamples|n|num(?:ber)?\.? of (?:points|data|samples|values)|no\.? of (?:points|data))"
 _COUNTS = rf"{_WORDS}\s*[=:]\s*(\d+)(?![\d.])", r"^\s*(\d+) (?:data )?points\b"
 _COMPONENTS = (r"^\s*(?:comp(?:onent)?\.?|orientation|channel|direction|azimuth)\s*[=:.]?\s+[=:]?\s*(\S.*?)\s*$",)
@@ -62,7 +66,7 @@ def components(lines: list[str]) -> list[Component]:
     timed = not in_rows and (any(map(_is_time, names)) or (not names and width == 2))
     if text.comment and not timed:
         accepted = "none where there are no times"
-        raise ValueError(f"got a comment between samples, accepted: {accepted} (line {text.comment})")
+        raise ValueError(f"got a comment or a blank line between samples, accepted: {accepted} (line {text.comment})")
     if in_rows:
         return [_in_rows(text, count, interval)]
     words = [word.upper().replace("D", "E") for row in text.rows for word in row]
@@ -97,7 +101,7 @@ def _parted(lines):
     header: list[str] = []
     numbers: list[int] = []
     rows: list[list[str]] = []
-    comments, last = [], None
+    comments, blanks, last = [], [], None
     for number, line in enumerate(lines, 1):
         comment = _MARKS.match(line)
         if comment:
@@ -105,6 +109,7 @@ def _parted(lines):
             comments.append((number, len(rows)))
             continue
         entries = line.split()
+        blanks += [(number, len(rows))] * (not entries)
         if not _plain(entries):
             entries = _entries(line)
         bad = next((entry for entry in entries if math.isnan(fields.number(entry))), None)
@@ -119,6 +124,8 @@ def _parted(lines):
     # A line of numbers of which one is none is no header.
     if last and rows and len(last[1]) == len(rows[0]) > 1 and math.isfinite(fields.number(last[1][0])):
         raise ValueError(f"got {last[2][:40]!r}, accepted: finite numbers (line {last[0]})")
+    # Behind every line, a blank one means nothing.
+    comments += blanks * (len([place for _, place in blanks if place]) < len(rows) - 1)
     return _Text(header, numbers, rows, next((number for number, place in comments if 0 < place < len(rows)), 0))
 
 
@@ -126,27 +133,31 @@ def _stated(text):
     """(text without a first line of count and interval, count or None, interval or None), as the file states them."""
     header, numbers, rows, comment = text
     interval, count, pair = _interval(header), fields.stated(header, *_COUNTS), None
+    counted = sum(map(len, rows[1:]))
     if len(rows) > 2 and len(rows[0]) == 2:
-        total = sum(map(len, rows[1:]))
         # Of times and samples there is one count, of samples in rows or in a column another.
-        if _counts(rows[0], {len(rows) - 1} if len(rows[1]) == 2 else {total}):
-            pair, numbers, rows = rows[0], numbers[1:], rows[1:]
-        elif len(rows[1]) != 2 and re.fullmatch(r"\d{2,9}", rows[0][0]):
-            raise ValueError(f"got {total} samples, accepted: the {rows[0][0]} that the first line of numbers states")
+        pair = _pair(rows[0], {len(rows) - 1} if len(rows[1]) == 2 else {counted})
+        if not pair and len(rows[1]) != 2:
+            accepted = "as many as the first line of numbers states, or lines of equal columns"
+            raise ValueError(f"got {counted} samples below {' '.join(rows[0])!r}, accepted: {accepted}")
+        numbers, rows = (numbers[1:], rows[1:]) if pair else (numbers, rows)
+    elif len(rows) > 3 and len(rows[0]) == len(rows[1]) == 1:
+        pair = _pair([rows[0][0], rows[1][0]], {counted - 1})
+        numbers, rows = (numbers[2:], rows[2:]) if pair else (numbers, rows)
     elif rows and header and all(math.isfinite(fields.number(word)) for word in header[-1].split()):
-        total = sum(map(len, rows))
-        pair = header[-1].split()
-        pair = pair if _counts(pair, range(total - len(rows[-1]) + 1, total + 1)) else None
+        pair = _pair(header[-1].split(), range(counted + len(rows[0]) - len(rows[-1]) + 1, counted + len(rows[0]) + 1))
     if pair:
         count = _agreed("a count", count, str(int(pair[0])))
         interval = _agreed("an interval", interval, fields.seconds(pair[1]))
     return _Text(header, numbers, rows, comment), count, interval
 
 
-def _counts(words, counts):
-    """Whether words are one of some counts, and an interval."""
-    number = int(words[0]) if len(words) > 1 and re.fullmatch(r"\d{1,9}", words[0]) else -1
-    return number in counts and 0.0 < fields.number(words[1]) < 10.0
+def _pair(words, counts):
+    """[count, interval] where the first two words are these, in any order, and it is one of some counts; else None."""
+    for first, second in (words[:2], words[1::-1]) if len(words) > 1 else ():
+        if re.fullmatch(r"\d{1,9}", first) and int(first) in counts and 0.0 < fields.number(second) < 1.0:
+            return [first, second]
+    return None
 
 
 def _check_widths(text, in_rows):
@@ -208,6 +219,7 @@ def _unit(header):
     for line in header:
         near += re.findall(r"(?:accel\w*|\bacc|\bpga)\b[^(\[:=]*[(\[]([^)\]]+)[)\]]", line, re.IGNORECASE)
         near += re.findall(r"accel\w* (?:time (?:series|history) )?in (\S+)", line, re.IGNORECASE)
+        near += re.findall(r"[^\s,;:()\[\]=]+/[^\s,;:()\[\]=]+", line)
     said = dict.fromkeys(filter(None, map(unit_of, near)))
     other = fields.unit_said(header)
     said |= {other: None} if other else {}
@@ -223,7 +235,8 @@ def _quantity(header):
         return "response spectrum"
     if re.search(r"\bacc|acel", text, re.IGNORECASE):
         return "acceleration"
-    return quantity_of(re.sub(r"\ba\b", " ", text)) or "acceleration"
+    # Of a filter and of the sampling are frequencies and periods that a header has.
+    return quantity_of(re.sub(r"\ba\b|freq\w*|period\w*", " ", text, flags=re.IGNORECASE)) or "acceleration"
 
 
 def _names(header, width):
@@ -274,6 +287,8 @@ def _is_unit(text):
 def _is_known(name):
     """Whether a text is a name of a column: a time, a quantity, a direction or a unit."""
     name = re.sub(r"\s*\([-+]\)$", "", name)
+    if name.lower() == "in" or re.search("[=:]", name) or len(re.sub(r"[(\[].*?[)\]]", "", name).split()) > 3:
+        return False
     known = _is_time(name) or (quantity_of(name) and len(name) < 40) or _DIRECTION.fullmatch(name)
     return bool(known or is_vertical(name) or _is_unit(name))
 
@@ -332,9 +347,10 @@ def _only(header, samples, interval, notes=()):
         interval,
         _unit(header),
         _quantity(header),
-        notes=notes,
-        peak=None if peak is None else fields.number(peak),
-        event=fields.printable(header[0]) if header else "",
+        bool(re.search(r"\bvertical\b|\bup-?down\b", " ".join(header), re.IGNORECASE)),
+        notes,
+        None if peak is None else fields.number(peak),
+        fields.printable(header[0]) if header else "",
     )
 
 
@@ -372,6 +388,8 @@ def _column(text, names, place, samples, interval, of):
         return Component(f"column {place + 1}", samples, interval, unit, "" if said == "acceleration" else said)
     name = names[place]
     own, quantity = _unit_in(name), quantity_of(name)
+    if not own and SEISMOMETER.fullmatch(name):
+        quantity = "seismometer's velocity"
     other = quantity_of_unit(own) if own else ""
     quantity = other or quantity or ("acceleration" if own in UNITS else "")
     if not quantity and (_DIRECTION.fullmatch(re.sub(r"[(\[].*", "", name).strip()) or is_vertical(name)):

@@ -47,6 +47,9 @@ _QUANTITIES = {
 
 _VERTICAL = re.compile(r"UP|DN|DOWN|DWN|V\d?|VER|VERT|VERTICAL|VRT|\d*UD\d?|U|Z|[A-Z]{2}Z\d{0,2}|400|401")
 
+SEISMOMETER = re.compile(r"[A-Z]H[NEZ123]")
+"""SEED's name of a channel that records a velocity; of an accelerometer the second letter is N, L or G."""
+
 
 def unit_of(text: str) -> str | None:
     """Key of `UNITS` that a text such as "cm/sec^2" means, or None."""

@@ -10,8 +10,8 @@ NAME = "COSMOS"
 _DATA = re.compile(
     r"^\s*(\d+)\s+(\S.*?)\s+pts.*?units\s*=\s*([^,(]+?)\s*\(\s*\d+\s*\)\s*,\s*format\s*=\s*(\(?[^)]*\)?)", re.IGNORECASE
 )
-_MILLISECONDS, _LARGEST = 61, 63
-"""Places of the reals: interval of these samples (the raw record's is another one), and the largest of them."""
+_MILLISECONDS, _LENGTH, _LARGEST = 61, 62, 63
+"""Places of the reals: interval of these samples (the raw record's is another), their length in s, the largest."""
 
 
 def recognized(lines: list[str]) -> bool:
@@ -46,11 +46,14 @@ def _component(heading, data, rows):
     code = fields.stated(heading, r"<SCNL>[^.\s]*\.([^.\s]+)") or ""
     direction = fields.stated(heading, r"^\s*Sta Cha\w*\s*:?\s*\S+?:\s*(\S.*?)\s*\(") or ""
     samples = fields.values(rows, int(data[1]), data[4])
+    interval, length = fields.seconds(f"{reals[_MILLISECONDS]:.12g}", 1e-3), reals[_LENGTH]
+    if length > 0.0 and abs(len(samples) * interval - length) > 0.01 * length + 2.0 * interval:
+        raise ValueError(f"got {len(samples)} samples at {interval:g} s, accepted: the {length:g} s that it states")
     quantity = quantity_of(data[2]) if "raw" not in data[2].lower() else "counts"
     return Component(
         " ".join(filter(None, (code, direction.removeprefix("Other")))),
         samples,
-        fields.seconds(f"{reals[_MILLISECONDS]:.12g}", 1e-3),
+        interval,
         unit_of(data[3]) or data[3],
         quantity or "unknown quantity",
         peak=float(reals[_LARGEST]) if reals[_LARGEST] > -998.0 or reals[_LARGEST] < -1000.0 else None,

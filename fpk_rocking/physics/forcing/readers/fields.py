@@ -42,9 +42,10 @@ def number(word: str) -> float:
 
 
 def parted(word: str) -> list[str]:
-    """Numbers of a word that run together, or the word itself."""
+    """Numbers of a word that run together, or the word itself; only a sign tells where the next one begins."""
     parts = _GLUED.findall(word)
-    return parts if len(parts) > 1 and "".join(parts) == word else [word]
+    signed = len(parts) > 1 and all(part[0] in "+-" for part in parts[1:])
+    return parts if signed and "".join(parts) == word else [word]
 
 
 def values(lines: Sequence[str], count: int, form: str = "", what: str = "samples") -> Array:
