@@ -389,6 +389,29 @@ def test_other_formats_are_read_by_obspy(tmp_path, name, kind):
         Record.from_file(tmp_path / name, units="g")
 
 
+def test_obspy_traces_that_are_no_acceleration_are_refused(tmp_path):
+    """Calibration factors, counts, seismometers; and no format is asked for that may run what a file says."""
+    obspy = pytest.importorskip("obspy")
+    samples = np.random.default_rng(4).normal(size=200).astype(np.float32)
+
+    def refused(says, data=samples, form="SAC", **stats):
+        trace = obspy.Trace(data, {"sampling_rate": 50.0, "channel": "HNE"} | stats)
+        trace.write(str(tmp_path / "motion"), format=form)
+        with pytest.raises(ValueError, match=says):
+            Record.from_file(tmp_path / "motion", units="g")
+
+    refused(r"got a calibration factor of 6.3e-07 in the header \(SAC\), accepted: 1, as", calib=6.3e-7)
+    refused("got raw counts 'HNE'", (1000 * samples).astype(np.int32), "MSEED")
+    refused("got a seismometer's velocity 'BHE'", channel="BHE")
+    refused("got a seismometer's velocity 'BHE'", channel="BHE", form="TSPAIR")
+    refused("got binary data", form="PICKLE")
+    stream = obspy.Stream([obspy.Trace(samples, {"channel": f"HN{letter}"}) for letter in "ENZ"])
+    stream.write(str(tmp_path / "motion"), format="MSEED")
+    with pytest.raises(ValueError, match=r"got 3 components, .* 1 HNE \(.*, 90°\); 2 HNN .*; 3 HNZ \(not read: the"):
+        Record.from_file(tmp_path / "motion", units="g")
+    assert Record.from_file(tmp_path / "motion", units="g", component="HNN").samples == tuple(samples.astype(float))
+
+
 def test_a_binary_file_without_obspy_names_the_extra(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "obspy", None)
     (tmp_path / "motion.sac").write_bytes(bytes(range(256)))

@@ -20,6 +20,7 @@ from fpk_rocking.physics.forcing.readers.components import (
     quantity_of_unit,
     unit_of,
 )
+from fpk_rocking.physics.forcing.readers.traces import EXTRA
 
 NAME = "columns"
 
@@ -58,7 +59,7 @@ def components(lines: list[str]) -> list[Component]:
     text = _parted(lines)
     text, count, interval = _stated(text)
     if not text.rows:
-        raise ValueError("got 0 samples, accepted: a table of numbers, at least two of them")
+        raise ValueError(f"got 0 samples, accepted: a text with numbers, or what ObsPy reads{EXTRA}")
     width = len(text.rows[0])
     names = _names(text.header, width)
     in_rows = _is_rows(text.rows, names, count)

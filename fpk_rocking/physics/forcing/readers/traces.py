@@ -1,6 +1,7 @@
-"""What ObsPy reads, where it is installed: MiniSEED, SAC, GSE2, Kinemetrics' EVT and others."""
+"""What ObsPy reads, where it is installed: MiniSEED, SAC, GSE2, Kinemetrics' EVT."""
 
 import pathlib
+import warnings
 
 import numpy as np
 
@@ -9,23 +10,8 @@ from fpk_rocking.physics.forcing.readers.fields import check_count
 
 EXTRA = ' (pip install "fpk-rocking[obspy]")'
 
-FORMATS = (
-    "MSEED",
-    "SAC",
-    "SACXY",
-    "GSE2",
-    "GSE1",
-    "KINEMETRICS_EVT",
-    "SEISAN",
-    "SEGY",
-    "SU",
-    "CSS",
-    "AH",
-    "Q",
-    "TSPAIR",
-    "SLIST",
-)
-"""Formats that it is asked for: not PICKLE, whose files may run anything."""
+FORMATS = ("SAC", "KINEMETRICS_EVT", "GSE2", "GSE1", "MSEED", "SACXY", "TSPAIR", "SLIST")
+"""Formats that it is asked for: neither PICKLE, whose files may run anything, nor those without a mark of their own."""
 
 _CALIBRATED = ("KINEMETRICS_EVT",)
 """Formats whose calib makes the samples m/s²."""
@@ -39,7 +25,9 @@ def components(path: pathlib.Path) -> tuple[str, list[Component]] | None:
         return None
     for form in FORMATS:
         try:
-            stream = obspy.read(str(path), format=form)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                stream = obspy.read(str(path), format=form)
         except Exception:  # noqa: BLE001, S112  (its readers raise whatever they meet)
             continue
         return form, [_component(trace, form) for trace in stream]
