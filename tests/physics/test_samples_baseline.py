@@ -226,6 +226,36 @@ def test_a_record_is_judged_as_it_was_recorded_and_not_as_it_is_scaled():
     assert sentence.endswith("g meant?")
 
 
+def test_a_record_that_ends_at_rest_does_not_drift():
+    """A pulse of 10 s and shaking, 60 s in all, whose high-pass correction takes most of the velocity away."""
+    time = 0.01 * np.arange(6001)
+    velocity = 0.25 * np.sin(2 * np.pi * (time - 30) / 10) * np.exp(-(((time - 30) / 6) ** 2))
+    velocity += 0.05 * np.sin(3 * np.pi * time) * np.exp(-(((time - 25) / 5) ** 2))
+    samples = np.gradient(velocity, time)
+    resting = Record(0.01, samples.tolist(), "m/s2")
+    assert resting.drift.drifts
+    assert not resting.drifts
+    # An offset of .004 g, and a slope that a mean does not remove.
+    assert Record(0.01, (samples + 0.04).tolist(), "m/s2").drifts
+    assert Record(0.01, (samples + 0.002 * time).tolist(), "m/s2", baseline="mean").drifts
+
+
+def test_what_is_hardly_an_acceleration_in_any_unit_is_told():
+    shape = np.sin(0.2 * np.arange(400)) * np.hanning(400)
+    for samples, units, says in (
+        (3100.0 * shape, "cm/s2", "3.2 g): is its unit cm/s2, or are its numbers, up to 3090, counts?"),
+        (0.9 * shape, "cm/s2", "is its unit cm/s2"),
+        (31.0 * shape, "g/10", "is its unit g/10"),
+        (np.round(2000.0 * shape), "cm/s2", "The samples of own.txt are whole numbers: are they counts of a recorder?"),
+        (np.abs(shape), "m/s2", "All samples of own.txt have one sign: are they a spectrum, or have an offset?"),
+        (-np.abs(shape), "m/s2", "have one sign"),
+    ):
+        sentences = implausible(scene_of(Record(0.01, samples.tolist(), units, source="own.txt")))
+        assert sum(says in sentence for sentence in sentences) == 1, sentences
+    assert Record(0.01, (2.0 * shape).tolist(), "m/s2").implausible == []
+    assert Record(0.01, (200.0 * shape).tolist(), "cm/s2", note="Of a borehole.").implausible == ["Of a borehole."]
+
+
 def columns_of(tmp_path, text, **options):
     path = tmp_path / "motion.csv"
     path.write_text(text)

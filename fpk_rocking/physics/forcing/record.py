@@ -261,7 +261,7 @@ class Record(TransientForcing):
             meant = " or ".join(f"{number * UNITS[unit]:.4g} m/s² ({unit.replace('2', '²')})" for unit in units)
             sentences.append(f"{peak}; was {meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s².")
         elif 3.0 * UNITS["g"] < drift.pga < math.inf or 0.0 < drift.pga < 1e-3 * UNITS["g"]:
-            sentences.append(f"{peak}: is {self.units} its unit, and are its {number:.4g} no counts?")
+            sentences.append(f"{peak}: is its unit {self.units}, or are its numbers, up to {number:.4g}, counts?")
         elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
             sentences.append(
                 f"The PGV of {name} is {drift.corrected_pgv:.3g} m/s without drift, and it lasts {lasts:.4g} s: is its "
