@@ -35,6 +35,9 @@ _DIRECTION = re.compile(
     r"[NS]\d{1,3}[EW]|[NS]-?[NS]|[EW]-?[EW]|[NEWS]|[A-Z]{2}[NE12]|[HXYLT]\d?|\+?V|\d{1,3} ?DEG", re.I
 )
 
+_WILD = re.compile(r"[-+]?(nan|inf\w*)|\*{2,20}", re.IGNORECASE)
+"""What stands for a sample that is none."""
+
 _N = fields.NUMBER
 _DECIMAL_COMMA = r"[-+]?\d+,\d+(?:[Ee][-+]?\d+)?"
 _STEP = r"(?:\bdt|\bdelta ?t|\btime (?:step|increment|interval)|\bsampl\w* (?:interval|period|step)|\bintervals? of)"
@@ -117,7 +120,7 @@ def _parted(lines):
         if bad is None:
             numbers += [number] * bool(entries)
             rows += [entries] * bool(entries)
-        elif not rows and not re.fullmatch(r"[-+]?(nan|inf\w*)|\*{2,20}", bad, re.IGNORECASE):
+        elif not rows and not (_WILD.fullmatch(bad) and not any(map(str.isalpha, "".join(entries).replace(bad, "")))):
             header.append(line.strip())
             last = number, entries, bad
         else:

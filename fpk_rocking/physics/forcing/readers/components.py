@@ -158,9 +158,9 @@ class Component:
 
     @property
     def sentences(self) -> tuple[str, ...]:
-        """The notes, and a peak that the file states and the samples do not have, with their mean or without it."""
+        """The notes, and a stated peak that the samples do not have to a tenth, with or without their mean."""
         found = [float(np.abs(self.values - mean).max()) for mean in (0.0, self.values.mean())]
-        if self.peak is None or any(abs(abs(self.peak) - peak) <= 0.02 * peak + 1e-3 for peak in found):
+        if self.peak is None or any(abs(abs(self.peak) - peak) <= 0.1 * peak + 1e-3 for peak in found):
             return self.notes
         return (*self.notes, f"The file states a peak of {abs(self.peak):g}, its samples have {found[0]:.4g}.")
 

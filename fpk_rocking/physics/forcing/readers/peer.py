@@ -33,7 +33,11 @@ def _header(lines):
 def components(lines: list[str]) -> list[Component]:
     """The component of a file."""
     number, match = _header(lines)
-    samples = fields.values(lines[number + 1 :], fields.integer(match[1]))
+    rows = lines[number + 1 :]
+    # Some say where the data end.
+    while rows and re.fullmatch(r"[\s*]*end\b[^\d]*|\s*", rows[-1], re.IGNORECASE):
+        rows.pop()
+    samples = fields.values(rows, fields.integer(match[1]))
     head = [line for line in lines[:number] if line.strip()]
     title = head[1] if len(head) > 1 else ""
     words = re.sub(r"\(.*?\)", " ", title.rpartition(",")[2]).split()

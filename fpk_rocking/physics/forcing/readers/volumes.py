@@ -74,8 +74,11 @@ def _component(heading, rows, headed):
     if sum(len(fields.parted(word)) for word in " ".join(rows).split()) != count:
         pairs = fields.values(rows, 2 * count, "(10F7.3)", "times and samples")
         times = pairs[::2]
-        # Decimals of the times: three.
-        interval = fields.interval_of(times, [f"{time:.3f}" for time in times])
+        try:
+            # Decimals of the times: three.
+            interval = fields.interval_of(times, [f"{time:.3f}" for time in times])
+        except ValueError as error:
+            raise ValueError(f"{error}, as a volume 2 has them: this volume 1 is as it was digitized") from None
         return Component(name, pairs[1::2], interval, fields.unit_said([f"unit {said}"]), event=event)
     lasts = fields.seconds(fields.required("a duration", heading, rf"duration\s*=\s*({fields.NUMBER})"))
     each = count / lasts
