@@ -341,6 +341,7 @@ WRONG = {
     "times and interval": ("# dt = 0.02\n0.00 1\n0.01 2\n0.02 3\n", "times at 0.01 s, accepted: the 0.02 s"),
     "two units": ("# Acceleration (g)\n# units: m/s2\n1\n2\n", "a header with the units g and m/s2"),
     "a comment between": ("# dt=.01\n1\n2\n# NS\n1\n2\n", r"a comment or a blank line between samples, .* \(line 4\)"),
+    "numbers and times": ("1 .00 3\n2 .01 4\n3 .02 3\n", "2 columns that rise, without names"),
     "a blank line": ("1\n2\n\n2\n", r"a comment or a blank line between samples, .* \(line 3\)"),
     "run together": ("0.0 1.2E-022.5E-03\n0.1 1.0\n", "got 0 samples|'1.2E-022.5E-03', accepted: finite numbers"),
     "columns for rows": (
@@ -409,6 +410,14 @@ def test_a_peak_that_the_file_states_and_does_not_have_is_told(tmp_path):
     assert (
         Record.from_file(path).note == f"The file states a peak of 9.9, its samples have {np.abs(SAMPLES).max():.4g}."
     )
+
+
+def test_numbers_of_lines_are_no_times(tmp_path):
+    path = tmp_path / "motion.txt"
+    path.write_text("".join(f"{k} {a}\n" for k, a in enumerate(np.resize(SAMPLES, 60), 1)))
+    with pytest.raises(ValueError, match=r"forcing.interval: missing"):
+        Record.from_file(path, units="g")
+    assert Record.from_file(path, units="g", interval=0.02).samples == tuple(np.resize(SAMPLES, 60))
 
 
 def test_zeros_behind_the_last_sample_are_left_out(tmp_path):

@@ -84,7 +84,10 @@ def components(lines: list[str]) -> list[Component]:
         with np.errstate(over="ignore", invalid="ignore"):
             read = fields.interval_of(table[:, times], [row[times] for row in text.rows], text.numbers)
         read *= _time_unit(names[times]) if names else 1.0
-        if interval is not None and not math.isclose(read, interval, rel_tol=0.01):
+        if read == 1.0 and len(table) >= 50:
+            # Lines with numbers, at 1 Hz no record of an earthquake.
+            read = interval
+        elif interval is not None and not math.isclose(read, interval, rel_tol=0.01):
             raise ValueError(f"got times at {read:g} s, accepted: the {interval:g} s that the header states")
         interval = read if interval is None else interval
     places = [place for place in range(width) if place != times]
@@ -368,8 +371,12 @@ def _time_column(names, table):
             columns = ", ".join(names[:4])
             raise ValueError(f"got a response spectrum, with the columns {columns}, accepted: an accelerogram")
         return places[0] if places else None
-    rises = len(table) > 1 and (np.diff(table[:, 0]) >= 0.0).all()
-    return 0 if table.shape[1] == 2 or (table.shape[1] > 2 and rises) else None
+    rising = [place for place, steps in enumerate(np.diff(table, axis=0).T) if len(steps) and (steps > 0.0).all()]
+    if len(rising) > 1 and table.shape[1] > 2 and len(table) > 2:
+        raise ValueError(
+            f"got {len(rising)} columns that rise, without names, accepted: names, or times in the first one"
+        )
+    return 0 if table.shape[1] == 2 or 0 in rising else None
 
 
 def _time_unit(name):
