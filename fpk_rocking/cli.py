@@ -1,4 +1,4 @@
-"""The command line: ``fpk-rocking probability|fpk|mc|compare|fragility|risk|warmup``.
+"""The command line: ``fpk-rocking probability|fpk|mc|compare|fragility|risk|records|warmup``.
 
 Results go to standard output or to files, progress and errors to standard error. Exit status: 0, 2 for bad input or
 what the machine refuses, 130 when interrupted, 143 when terminated. Files are complete or not there.
@@ -92,12 +92,17 @@ def command_line() -> argparse.ArgumentParser:
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     options = f"scenes --scales --pga --pgv {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
-    options += " --uncertain --blocks --workers --store --records --units --baseline --corner-hz"
+    options += " --uncertain --blocks --workers --store --records --units --interval --component --baseline --corner-hz"
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scene --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
-    options += " --synthetic --baseline --corner-hz --uncertain --blocks --workers --store --name --seed --out --json"
+    options += " --synthetic --interval --component --baseline --corner-hz --uncertain --blocks --workers --store --name"
+    options += " --seed --out --json"
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
+    does = "what files of recorded motions have"
+    options = "files --units --interval --component --json"
+    more = "A row for each component, with what risk would do with it; files that cannot be read follow."
+    command("records", _records, does, more, options)
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser
 
@@ -243,8 +248,8 @@ def _risk(options):
             scale_noise=not options.keep_noise,
             uncertain=distributions(options),
             progress=progress,
-            **passed(options, "blocks", "measure", "units", "baseline", "corner_hz", "realizations", "seed", "name"),
-            **passed(options, "workers", "store"),
+            **passed(options, "blocks", "measure", "baseline", "corner_hz", "realizations", "seed", "name"),
+            **passed(options, "units", "interval", "component", "workers", "store"),
         )
     if options.out:
         result.write(options.out, options.typed)
@@ -253,6 +258,20 @@ def _risk(options):
             sys.stderr.write(f"fpk-rocking risk: {missing}: {result.not_for_pelicun}\n")
     text = json.dumps(result.summary(), allow_nan=False, ensure_ascii=False) if options.json else result.text()
     sys.stdout.write(text + "\n")
+
+
+def _records(options):
+    from fpk_rocking.results.storage import plain
+    from fpk_rocking.risk.records import survey, table_lines
+
+    rows, refused = survey(options.files, **passed(options, "units", "interval", "component"))
+    if options.json:
+        values = plain({"records": [row._asdict() for row in rows], "refused": refused})
+        sys.stdout.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")
+    else:
+        sys.stdout.write("\n".join([*table_lines(rows), *refused, ""]))
+    if refused:
+        raise ValueError(f"files: {len(refused)} of {len(options.files)} cannot be read")
 
 
 def _warmup(_):

@@ -32,6 +32,8 @@ examples:
       probability of overturning against the scale of the shaking, with a lognormal fit
   fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --out results/risk
       annual rate of overturning, with curves that OpenQuake and pelicun read
+  fpk-rocking records motions/*
+      what is in files of recorded motions: components, units, intervals, peaks
   fpk-rocking fpk main --json > survival.json
       one JSON object instead of a table
   fpk-rocking compare cases/scenes/main.toml --cycles 10 --report main.html
@@ -48,6 +50,7 @@ SAMPLE = "--realizations --seed --method --steps-per-cycle --tally --checkpoint"
 _OPTIONS = """
 scene SCENE             scene file (TOML), or the name of a scene of the package
 scenes SCENE+           scene file (TOML), or the name of a scene of the package; several give a curve each
+files FILE+             files of recorded motions
 inputs FILE+            a scene (file or name) to solve by both engines, or two saved results (.npz)
 --set KEY=VALUE*        value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3
                         g'; may be repeated
@@ -93,8 +96,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         more)
 --workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
 --store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
---records FILE+         recorded motions (.AT2, .ASC or two columns); the scene gives block and noise, and needs no
-                        forcing
+--records FILE+         files of recorded motions, of which the command records tells what they have; the scene gives
+                        block and noise, and needs no forcing
 --synthetic N:int       in place of records: as many synthetic motions on firm ground
 --hazard FILE|K0:K      file of two columns, intensity (g or m/s) and annual rate of exceedance, or what its first line
                         names, as PGA (cm/s2),return period (years); OpenQuake's hazard curves; or K0:K for the hazard
@@ -103,7 +106,10 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default: 12 over the
                         range in which the motions overturn the block)
 --measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
---units NAME            unit of the records where their files do not say it: g, m/s2 or cm/s2
+--units NAME            unit of the records where their files do not say it: g, m/s2, cm/s2, mm/s2, mg, g/10, %%g, ft/s2
+                        or in/s2
+--interval S:float      time between samples, seconds, where the files do not say it
+--component NAME        component of files with several, by its name or its number from 1
 --baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
                         high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
 --corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
@@ -248,9 +254,10 @@ def shaken_scenes(options):
     scenes = [scene_of(options, path) for path in options.scenes]
     if options.records and len(scenes) > 1:
         raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
-    if options.units and not options.records:
-        raise ValueError(f"--units: got {options.units!r}, accepted: together with --records")
-    corrections = passed(options, "units", "baseline", "corner_hz")
+    for name, value in passed(options, "units", "interval", "component").items():
+        if not options.records:
+            raise ValueError(f"--{name}: got {value!r}, accepted: together with --records")
+    corrections = passed(options, "units", "interval", "component", "baseline", "corner_hz")
     if not (options.records or corrections):
         return scenes
     return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **corrections)]

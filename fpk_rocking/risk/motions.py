@@ -11,7 +11,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.physics.forcing.files import unit_of
+from fpk_rocking.physics.forcing.readers.components import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
 from fpk_rocking.scene.scene import Scene, under_motion
@@ -171,16 +171,13 @@ def recorded_scenes(
     records: Sequence[Forcing | File],
     *,
     units: str | None = None,
+    interval: float | None = None,
+    component: str | int | None = None,
     baseline: str | None = None,
     corner_hz: float | None = None,
 ) -> list[Scene]:
     """Return a scene under each of several motions, with the default number of harmonics for each where it has one."""
-    files = [motion for motion in records if not isinstance(motion, Forcing)]
-    read = {str(file): Record.from_file(file, units_if_unstated=units) for file in files}
-    said = dict.fromkeys(record.units for record in read.values())
-    if read and units is not None and unit_of(units) not in said:
-        accepted = f"nothing, as all files say their unit ({', '.join(said)})"
-        raise ValueError(checks.refusal("units", units, accepted))
+    read = _read([motion for motion in records if not isinstance(motion, Forcing)], units, interval, component)
     motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in records]
     motions = motions or [scene.forcing]
     asked: dict[str, Any] = {"baseline": baseline, "corner_hz": corner_hz}
@@ -197,6 +194,29 @@ def recorded_scenes(
         if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
             raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
     return [under_motion(scene, motion) for motion in motions]
+
+
+def _read(files, units, interval, component):
+    """Records of files, by name; ValueError lists all files that are refused."""
+    stated: dict[str, Any] = {"units": units, "interval": interval, "component": component}
+    read, refused = {}, []
+    for file in files:
+        try:
+            read[str(file)] = Record.from_file(file, **stated, where_unstated=True)
+        except (ValueError, OSError) as error:
+            refused.append(error)
+    if len(refused) > 1:
+        listed = "; ".join(map(str, refused))
+        raise ValueError(f"records: {len(refused)} of {len(files)} files are refused: {listed}")
+    if refused:
+        raise refused[0]
+    said = dict.fromkeys(record.units for record in read.values())
+    if read and units is not None and unit_of(units) not in said:
+        accepted = f"nothing, as all files say their unit ({', '.join(said)})"
+        raise ValueError(checks.refusal("units", units, accepted))
+    if read and interval is not None and interval not in [record.interval for record in read.values()]:
+        raise ValueError(checks.refusal("interval", interval, "nothing, as all files say their interval"))
+    return read
 
 
 def motion_table(scenes: Sequence[Scene]) -> dict[str, Array]:

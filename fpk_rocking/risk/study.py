@@ -365,6 +365,8 @@ def study(
     *,
     measure: str = "PGV",
     units: str | None = None,
+    interval: float | None = None,
+    component: str | int | None = None,
     baseline: str | None = None,
     corner_hz: float | None = None,
     realizations: int = 10_000,
@@ -395,8 +397,9 @@ def study(
         less than 1 %. Without noise rate and limits do not depend on them.
     measure : str
         "PGV" (in m/s) or "PGA" (in g).
-    units : str, optional
-        Unit of the records where their files do not say it.
+    units, interval, component : optional
+        Unit of the records, time between samples, seconds, and name or number of the component, where their files leave
+        them open: see `Record.from_file`.
     baseline : {"none", "mean", "linear", "high-pass"}, optional
         Correction of the records' baselines, see `Record`; by default that of each `Record`, and none of files.
     corner_hz : float, optional
@@ -443,7 +446,15 @@ def study(
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
     if exceeded is not None:
         exceeded.check_measure(measure)
-    scenes = recorded_scenes(scene, records, units=units, baseline=baseline, corner_hz=corner_hz)
+    scenes = recorded_scenes(
+        scene,
+        records,
+        units=units,
+        interval=interval,
+        component=component,
+        baseline=baseline,
+        corner_hz=corner_hz,
+    )
     if 1 < len(scenes) < FEWEST_RECORDS:
         raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
     blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)

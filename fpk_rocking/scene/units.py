@@ -15,17 +15,16 @@ from typing import Any, TypeVar
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.files import UNITS as ACCELERATIONS
-from fpk_rocking.physics.forcing.files import unit_of
+from fpk_rocking.physics.forcing.readers.components import UNITS, unit_of
 
 _Number = TypeVar("_Number", float, Array)
 
-STANDARD_GRAVITY = ACCELERATIONS["g"]
+STANDARD_GRAVITY = UNITS["g"]
 """Acceleration of gravity, m/s², where none is given; also what "g" means as a unit."""
 
 _UNITS: dict[str, dict[str, float]] = {
     "length": {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048},
-    "acceleration": {"m/s2": 1.0} | ACCELERATIONS,
+    "acceleration": {unit: UNITS[unit] for unit in ("m/s2", "g", "cm/s2")},
     "frequency": {"Hz": 1.0, "rad/s": 0.5 / math.pi},
     "time": {"s": 1.0, "ms": 0.001},
     "angle": {"deg": math.pi / 180.0, "°": math.pi / 180.0, "rad": 1.0},
@@ -48,7 +47,7 @@ def in_units(name: str, value: Any, kind: str) -> Any:
         return value if bare == 1.0 or isinstance(value, bool) or not isinstance(value, int | float) else bare * value
     match = _QUANTITY.fullmatch(value)
     unit = match and (unit_of(match[2]) if kind == "acceleration" else _unit_in(match[2], units))
-    if not match or not unit:
+    if not match or unit not in units:
         first, number = next(iter(units)), match[1] if match else "1"
         accepted = f'a number in {first}, or a text with a unit such as "{number} {first}" ({", ".join(units)})'
         raise ValueError(checks.refusal(name, value, accepted))

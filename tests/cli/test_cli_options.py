@@ -30,6 +30,8 @@ OF_RISK = {
     "records",
     "synthetic",
     "units",
+    "interval",
+    "component",
     "hazard",
     "site",
     "intensities",
@@ -39,7 +41,7 @@ OF_RISK = {
     "blocks",
     "set",
 }
-"""Options that tests/risk and test_drawing.py try."""
+"""Options that tests/risk, test_drawing.py and test_cli_records.py try."""
 
 
 def asked(options):

@@ -22,7 +22,7 @@ from fpk_rocking import (
 )
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.cli import main
-from fpk_rocking.physics.forcing.files import MOST
+from fpk_rocking.physics.forcing.readers.components import MOST
 from fpk_rocking.scene import ranges
 from montecarlo import Ensemble, Tally, histories, simulate, tally
 from montecarlo.poincare import mean_poincare_map, restarted_poincare_map
@@ -236,7 +236,7 @@ def test_bad_values_are_refused_by_name():
         (lambda: Record(0.01, [1.0], "g"), "forcing.samples: got"),
         (lambda: Record(0.01, [1.0, math.inf], "g"), r"forcing.samples\[1\]: got inf"),
         (lambda: Record(0.0, [1.0, 2.0], "g"), "forcing.interval: got 0.0"),
-        (lambda: Record(0.01, [1.0, 2.0], "ft/s2"), "forcing.units: got 'ft/s2', accepted: 'g' or 'm/s2' or 'cm/s2'"),
+        (lambda: Record(0.01, [1.0, 2.0], "kip"), "forcing.units: got 'kip', accepted: 'g' or 'm/s2' or 'cm/s2'"),
         (lambda: Record(0.01, [1.0, 2.0], "g", math.nan), "forcing.scale: got nan"),
         (lambda: Pulse("two-sine", 1.0, 1.0), "forcing.shape: got 'two-sine', accepted: 'one-sine'"),
         (lambda: Pulse("one-sine", 1.0, 1.0, 2), "forcing.cycles: got 2, accepted: nothing"),

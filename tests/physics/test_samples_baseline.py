@@ -226,6 +226,36 @@ def test_a_record_is_judged_as_it_was_recorded_and_not_as_it_is_scaled():
     assert sentence.endswith("g meant?")
 
 
+def test_a_record_that_ends_at_rest_does_not_drift():
+    """A pulse of 10 s and shaking, 60 s in all, whose high-pass correction takes most of the velocity away."""
+    time = 0.01 * np.arange(6001)
+    velocity = 0.25 * np.sin(2 * np.pi * (time - 30) / 10) * np.exp(-(((time - 30) / 6) ** 2))
+    velocity += 0.05 * np.sin(3 * np.pi * time) * np.exp(-(((time - 25) / 5) ** 2))
+    samples = np.gradient(velocity, time)
+    resting = Record(0.01, samples.tolist(), "m/s2")
+    assert resting.drift.drifts
+    assert not resting.drifts
+    # An offset of .004 g, and a slope that a mean does not remove.
+    assert Record(0.01, (samples + 0.04).tolist(), "m/s2").drifts
+    assert Record(0.01, (samples + 0.002 * time).tolist(), "m/s2", baseline="mean").drifts
+
+
+def test_what_is_hardly_an_acceleration_in_any_unit_is_told():
+    shape = np.sin(0.2 * np.arange(400)) * np.hanning(400)
+    for samples, units, says in (
+        (3100.0 * shape, "cm/s2", "3.2 g): is its unit cm/s2, or are its numbers, up to 3090, counts?"),
+        (0.9 * shape, "cm/s2", "is its unit cm/s2"),
+        (31.0 * shape, "g/10", "is its unit g/10"),
+        (np.round(2000.0 * shape), "cm/s2", "The samples of own.txt are whole numbers: are they counts of a recorder?"),
+        (np.abs(shape), "m/s2", "All samples of own.txt have one sign: are they a spectrum, or have an offset?"),
+        (-np.abs(shape), "m/s2", "have one sign"),
+    ):
+        sentences = implausible(scene_of(Record(0.01, samples.tolist(), units, source="own.txt")))
+        assert sum(says in sentence for sentence in sentences) == 1, sentences
+    assert Record(0.01, (2.0 * shape).tolist(), "m/s2").implausible == []
+    assert Record(0.01, (200.0 * shape).tolist(), "cm/s2", note="Of a borehole.").implausible == ["Of a borehole."]
+
+
 def columns_of(tmp_path, text, **options):
     path = tmp_path / "motion.csv"
     path.write_text(text)
@@ -267,9 +297,9 @@ def test_names_tell_the_columns_of_time_and_acceleration(tmp_path, text):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("# three\n0.0,1.5,2\n0.1,2.5,2\n", r"got a line of 3 columns, accepted: time .* one 'acc' \(line 2\)"),
-        ("time,acc_x,acc_y\n0.0,1.5,2\n0.1,2.5,2\n", r"got a line of 3 columns, accepted: time .* \(line 2\)"),
-        ("time,acc,v\n0.0,1.5,2\n0.1,2.5\n", r"got a line of 2 columns, accepted: the 3 that .* names \(line 3\)"),
+        ("# three\n0.0,1.5,2\n0.1,2.5,2\n", r"got 2 components, accepted: .* 1 column 2 \(peak 2.5 .*; 2 column 3"),
+        ("time,acc_x,acc_y\n0.0,1.5,2\n0.1,2.5,2\n", r"got 2 components, accepted: .* 1 acc_x \(peak 2.5 .*; 2 acc_y"),
+        ("time,acc,v\n0.0,1.5,2\n0.1,2.5\n", r"got a line of 2 columns, accepted: the 3 of the first one \(line 3\)"),
         ("time,acc\n0.0,1.5\n0.1,x\n", r"got 'x', accepted: finite numbers \(line 3\)"),
         ("time,acc\n0.0,1.5\n0.1,2\n\n0.1,2\n", r"got the time 0.1 after 0.1, accepted: ascending times \(line 5\)"),
     ],
@@ -382,11 +412,34 @@ def test_other_formats_are_read_by_obspy(tmp_path, name, kind):
         Record.from_file(tmp_path / name)
     vertical = obspy.Trace(samples, {"sampling_rate": 50.0, "channel": "HNZ"})
     vertical.write(str(tmp_path / name), format=kind)
-    with pytest.raises(ValueError, match=r"forcing.file: .* the vertical component \(channel ends with 'Z'\)"):
+    with pytest.raises(ValueError, match=r"forcing.file: .* the vertical component 'HNZ'"):
         Record.from_file(tmp_path / name, units="g")
     (tmp_path / name).write_bytes(b"\0" * 1000)
     with pytest.raises(ValueError, match=r"got binary data, accepted: a text file, or what ObsPy reads .*\[obspy\]"):
         Record.from_file(tmp_path / name, units="g")
+
+
+def test_obspy_traces_that_are_no_acceleration_are_refused(tmp_path):
+    """Calibration factors, counts, seismometers; and no format is asked for that may run what a file says."""
+    obspy = pytest.importorskip("obspy")
+    samples = np.random.default_rng(4).normal(size=200).astype(np.float32)
+
+    def refused(says, data=samples, form="SAC", **stats):
+        trace = obspy.Trace(data, {"sampling_rate": 50.0, "channel": "HNE"} | stats)
+        trace.write(str(tmp_path / "motion"), format=form)
+        with pytest.raises(ValueError, match=says):
+            Record.from_file(tmp_path / "motion", units="g")
+
+    refused(r"got a calibration factor of 6.3e-07 in the header \(SAC\), accepted: 1, as", calib=6.3e-7)
+    refused("got raw counts 'HNE'", (1000 * samples).astype(np.int32), "MSEED")
+    refused("got a seismometer's velocity 'BHE'", channel="BHE")
+    refused("got a seismometer's velocity 'BHE'", channel="BHE", form="TSPAIR")
+    refused("got binary data", form="PICKLE")
+    stream = obspy.Stream([obspy.Trace(samples, {"channel": f"HN{letter}"}) for letter in "ENZ"])
+    stream.write(str(tmp_path / "motion"), format="MSEED")
+    with pytest.raises(ValueError, match=r"got 3 components, .* 1 HNE \(.*, 90°\); 2 HNN .*; 3 HNZ \(not read: the"):
+        Record.from_file(tmp_path / "motion", units="g")
+    assert Record.from_file(tmp_path / "motion", units="g", component="HNN").samples == tuple(samples.astype(float))
 
 
 def test_a_binary_file_without_obspy_names_the_extra(tmp_path, monkeypatch):

@@ -74,6 +74,7 @@ ALLOWED = {
         **dict.fromkeys((".42", "1.5"), "factors of the estimate, in the code"),
         "2.1": "title of docs/benchmarks/convergence.png",
     },
+    "docs/howto/records.md": {".001": "bound of what is told, in the code"},
     "docs/howto/large_and_rare.md": {"1e-8": "reach of splitting, as docs/gallery/low_noise.json"},
     "docs/monte_carlo.md": {
         "1e-12": "bound in tests/montecarlo",

@@ -20,7 +20,7 @@ TEXTS = {
     "motion.AT2": (HEAD + "NPTS=  40, DT=   .0100 SEC\n" + BODY, None),
     "old.at2": (HEAD + "   40    0.0100    NPTS, DT\n" + BODY, None),
     "motion.txt": (COLUMNS, "m/s2"),
-    "motion.csv": (COLUMNS.replace(" ", ", ").replace("#,", "#"), "g"),
+    "motion.csv": (COLUMNS.replace(" ", ", ").replace("#,", "#"), "m/s2"),
 }
 WORDS = st.one_of(
     st.sampled_from(

@@ -11,7 +11,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
-from fpk_rocking.physics.forcing.files import UNITS, read, unit_of
+from fpk_rocking.physics.forcing.readers import read
+from fpk_rocking.physics.forcing.readers.components import UNITS, unit_of
 from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Samples, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
@@ -32,13 +33,13 @@ class Record(TransientForcing):
         Time between samples, seconds.
     samples : sequence of float
         Accelerations, 2 to 2^20 of them. A positive value accelerates the base towards negative angles.
-    units : {"g", "m/s2", "cm/s2"}
+    units : {"g", "m/s2", "cm/s2", "mm/s2", "mg", "g/10", "%g", "ft/s2", "in/s2"}
         Unit of the samples; g is 9.80665 m/s². Other spellings, such as "m/s^2" and "gal", become one of these.
     scale : float
         Factor of the samples.
-    source, event : str
-        Name of the file, and event, date and station as far as it says them. They do not count when records are
-        compared.
+    source, event, note : str
+        Name of the file, event, date and station as far as it says them, and what else a user should know of it. They
+        do not count when records are compared.
     baseline : {"none", "mean", "linear", "high-pass"}
         What is removed from the samples before they act: nothing; their mean; their line of least squares; or that line
         and what lies below the corner of a filter. `corrected_samples` are what is left.
@@ -66,6 +67,7 @@ class Record(TransientForcing):
     baseline: str = "none"
     corner_hz: float = CORNER_HZ
     event: str = dataclasses.field(default="", compare=False)
+    note: str = dataclasses.field(default="", compare=False)
 
     _size: ClassVar[Size | None] = None
     time_scale: ClassVar[float] = 2.0
@@ -77,6 +79,7 @@ class Record(TransientForcing):
         checks.keep_numbers(self, "forcing", "scale")
         checks.keep(self, source=checks.sentence("forcing.source", self.source))
         checks.keep(self, event=checks.sentence("forcing.event", self.event))
+        checks.keep(self, note=checks.sentence("forcing.note", self.note))
         checks.keep(self, baseline=check_baseline("forcing.baseline", self.baseline))
         checks.keep_numbers(self, "forcing", "corner_hz", above=0.0)
         low, high = corners(self.interval)
@@ -90,59 +93,76 @@ class Record(TransientForcing):
         path: File,
         *,
         units: str | None = None,
+        interval: float | None = None,
+        component: str | int | None = None,
         scale: float = 1.0,
         baseline: str = "none",
         corner_hz: float = CORNER_HZ,
-        units_if_unstated: str | None = None,
+        where_unstated: bool = False,
     ) -> Self:
         """Read a record from a file.
 
         Parameters
         ----------
         path : str or pathlib.Path
-            A PEER file (.AT2), whose third line says the unit and whose fourth has ``NPTS= n, DT= seconds`` or ``n
-            seconds NPTS, DT``; a file of the ESM database (.ASC); or a text of two columns, time in seconds and
-            acceleration, parted by commas, semicolons, tabs or blanks. A first line of names may say the unit, as in
-            ``acc_g`` or ``Acceleration (cm/s2)``, and of several columns which are time and acceleration; lines that
-            begin with # are comments. Times may be rounded. Other formats, such as MiniSEED and SAC, are read by ObsPy
-            where it is installed: ``pip install "fpk-rocking[obspy]"``.
+            A file of an archive of accelerograms or a text of columns, also in gzip or UTF-16; docs/howto/records.md
+            lists the formats. What the file says decides which one it is, not its name.
         units : str, optional
             Unit of the accelerations. Required where the file does not say it.
+        interval : float, optional
+            Time between samples, seconds. Required where the file does not say it.
+        component : str or int, optional
+            Name or number, from 1, of a component as the file has it. Required where several can be read.
         scale, baseline, corner_hz
             See `Record`.
-        units_if_unstated : str, optional
-            In place of ``units``: the unit where the file does not say it; another one that it says stands.
+        where_unstated : bool
+            Whether `units`, `interval` and `component` count only where the file leaves them open.
 
         Raises
         ------
         FileNotFoundError
             There is no such file.
         TypeError, ValueError
-            A parameter is refused, or the file has another format, is truncated, or has values that are not finite or
-            times that are not equally spaced; the message says what and where.
+            A parameter is refused, or the file has no horizontal acceleration, several of them, another format, is
+            truncated, or has values that are not finite or times that are not equally spaced; the message says what
+            and where.
         """
         file = checks.path("forcing.file", path)
         wanted = None if units is None else _unit(units)
-        default = None if units_if_unstated is None else _unit(units_if_unstated)
-        motion = read(file)
-        stated = motion["units"]
-        if wanted and stated and wanted != stated:
-            accepted = f"{stated!r}, as the file {str(file)!r} says, or nothing"
-            raise ValueError(checks.refusal("forcing.units", units, accepted))
-        motion["units"] = wanted or stated or default
-        if not motion["units"]:
-            raise ValueError(
-                f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)} (in a "
-                "shell --units)"
+        if interval is not None:
+            interval = checks.number("forcing.interval", interval, above=0.0)
+        if component is not None and (isinstance(component, bool) or not isinstance(component, str | int)):
+            raise TypeError(checks.refusal("forcing.component", component, "a name, or a number from 1"))
+        found = read(file, component, if_several=where_unstated)
+        if not where_unstated:
+            stated = f", as the file {str(file)!r} says, or nothing"
+            if wanted and found.unit and wanted != found.unit:
+                raise ValueError(checks.refusal("forcing.units", units, f"{found.unit!r}{stated}"))
+            if interval and found.interval and not math.isclose(interval, found.interval, rel_tol=1e-3):
+                raise ValueError(checks.refusal("forcing.interval", interval, f"{found.interval:g}{stated}"))
+        unit = found.unit or wanted
+        interval = found.interval if interval is None or (where_unstated and found.interval) else interval
+        missing = []
+        if not unit:
+            missing.append(
+                f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
             )
-        return cls(**motion, scale=scale, source=file.name, baseline=baseline, corner_hz=corner_hz)
+        if interval is None:
+            accepted = "the seconds between two samples"
+            missing.append(f"forcing.interval: missing, the file {str(file)!r} does not say it, accepted: {accepted}")
+        if not unit or interval is None:
+            options = " and ".join(f"--{text[8 : text.index(':')]}" for text in missing)
+            raise ValueError(f"{'; '.join(missing)} (in a shell {options})")
+        samples, note = tuple(found.values.tolist()), " ".join(found.sentences)
+        about = {"source": file.name, "event": found.event, "note": note}
+        return cls(interval, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
         """The record of a TOML table: its keys are those of `from_file`, or the parameters of the class."""
         if "file" not in table:
             return super().from_table(name, table, folder)
-        keys = ("file", "units", "scale", "baseline", "corner_hz")
+        keys = ("file", "units", "interval", "component", "scale", "baseline", "corner_hz")
         for key in table:
             if key not in keys:
                 raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
@@ -231,30 +251,40 @@ class Record(TransientForcing):
     def implausible(self) -> list[str]:
         """Sentences on accelerations, velocities and times that are hardly meant, before `scale`."""
         drift, lasts = self.drift, self.interval * (len(self.samples) - 1)
-        name, sentences = self.source or "the record", []
+        name, samples = self.source or "the record", self._samples.array
+        sentences = [f"{self.source}{': ' * bool(self.source)}{self.note}"] * bool(self.note)
         # The strongest horizontal accelerations of the ground are below 3 g, the fastest velocities about 3 m/s.
-        if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units != "cm/s2":
-            # In cm/s² numbers up to 20 would be .02 g at most: they are more likely m/s².
-            number = drift.pga / UNITS[self.units]
+        peak = f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g)"
+        number = drift.pga / UNITS[self.units]
+        if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units in ("g", "m/s2"):
             units = ["m/s2"] * (self.units == "g" and number <= 2.0 * UNITS["g"]) + ["cm/s2"]
             meant = " or ".join(f"{number * UNITS[unit]:.4g} m/s² ({unit.replace('2', '²')})" for unit in units)
-            sentences.append(
-                f"The peak acceleration of {name} is {drift.pga:.4g} m/s² ({drift.pga / UNITS['g']:.2g} g); was "
-                f"{meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s²."
-            )
+            sentences.append(f"{peak}; was {meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s².")
+        elif 3.0 * UNITS["g"] < drift.pga < math.inf or 0.0 < drift.pga < 1e-3 * UNITS["g"]:
+            sentences.append(f"{peak}: is its unit {self.units}, or are its numbers, up to {number:.4g}, counts?")
         elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
             sentences.append(
                 f"The PGV of {name} is {drift.corrected_pgv:.3g} m/s without drift, and it lasts {lasts:.4g} s: is its "
                 f"interval {self.interval:g} s, and its unit {self.units}?"
             )
+        if len(samples) >= 100 and samples.any():
+            if (samples == np.round(samples)).all() and np.abs(samples).max() >= 1000.0:
+                sentences.append(f"The samples of {name} are whole numbers: are they counts of a recorder?")
+            if samples.min() >= 0.0 or samples.max() <= 0.0:
+                sentences.append(f"All samples of {name} have one sign: are they a spectrum, or have an offset?")
         return sentences
 
     @property
     def drifts(self) -> bool:
-        """Whether the base's velocity is that of a drift, see `Drift`; False for less than 2 s, which say little."""
+        """Whether the base's velocity is that of a drift, see `Drift`, and does not end near 0.
+
+        False for less than 2 s, which say little.
+        """
         # A fifth of a period of the corner: 2 s, whatever the record's times were divided by.
         lasts = self.interval * (len(self.samples) - 1) * self.corner_hz >= 0.2
-        return lasts and self.baseline != "high-pass" and self.drift.drifts
+        # Of samples as they are; a mean or a line that is removed takes the velocity to 0 at the end.
+        rests = self.baseline == "none" and abs(self.drift.end_velocity) < 0.1 * self.drift.corrected_pgv
+        return lasts and self.baseline != "high-pass" and not rests and self.drift.drifts
 
     @functools.cached_property
     def unit(self) -> float:

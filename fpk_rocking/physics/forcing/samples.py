@@ -17,7 +17,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.files import MOST
+from fpk_rocking.physics.forcing.readers.components import MOST
 
 BASELINES = ("none", "mean", "linear", "high-pass")
 """Corrections of a baseline."""

@@ -1,0 +1,218 @@
+"""Components of a record file: their units and quantities, what speaks against one, and which one is read."""
+
+import dataclasses
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from fpk_rocking.base.checks import Array
+
+MOST = 2**20
+"""Most samples: 87 minutes at 200 Hz."""
+
+UNITS = {
+    "g": 9.80665,
+    "m/s2": 1.0,
+    "cm/s2": 0.01,
+    "mm/s2": 1e-3,
+    "mg": 9.80665e-3,
+    "g/10": 0.980665,
+    "%g": 9.80665e-2,
+    "ft/s2": 0.3048,
+    "in/s2": 0.0254,
+}
+"""Metres per second squared of a unit of acceleration."""
+
+ACCEPTED = "a horizontal acceleration of the base"
+
+_LENGTHS = {"cms": "cm", "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
+_LENGTH = r"(mm|cms?|m|ft|feet|foot|in|inch(?:es)?)"
+_PER_SECOND_SQUARED = re.compile(rf"{_LENGTH}[/._·*(]*(?:s/s|s\(?-?2|ss|ps2|s_2|s\*2)\)?")
+_OTHER_UNITS = {
+    "velocity": re.compile(rf"{_LENGTH}[/._·]*(?:s|ps|s-1)|kines?"),
+    "displacement": re.compile(_LENGTH),
+    "counts": re.compile(r"counts?|volts?|v|mv|digits?"),
+}
+
+_QUANTITIES = {
+    "response spectrum": r"spectr|fourier|\bp?sa\b|\bpsv\b|\bperiods?\b|\bfreq",
+    "acceleration": r"\bacc|acel|\bag?\b|\bath\b",
+    "velocity": r"\bvel(?!\. de muestreo)|\bv\b(?= *[(\[])",
+    "displacement": r"\bdis(?:p|\b)|\bdesp",
+    "strain": r"strain",
+    "stress": r"stress",
+    "counts": r"\bcounts?\b",
+}
+
+_VERTICAL = re.compile(r"UP|DN|DOWN|DWN|V\d?|VER|VERT|VERTICAL|VRT|\d*UD\d?|U|Z|[A-Z]{2}Z\d{0,2}|400|401")
+
+SEISMOMETER = re.compile(r"[A-Z]H[NEZ123]")
+"""SEED's name of a channel that records a velocity; of an accelerometer the second letter is N, L or G."""
+
+
+def unit_of(text: str) -> str | None:
+    """Key of `UNITS` that a text such as "cm/sec^2" means, or None."""
+    word = _plain(text)
+    match = _PER_SECOND_SQUARED.fullmatch(word)
+    if match:
+        return f"{_LENGTHS.get(match[1], match[1])}/s2"
+    short = {"gal": "cm/s2", "gals": "cm/s2", "percentg": "%g", "milli-g": "mg"}.get(word, word)
+    return short if short in UNITS else None
+
+
+def quantity_of_unit(text: str) -> str:
+    """The quantity other than an acceleration that a unit measures: "velocity", "displacement", "counts"; else ""."""
+    word = _plain(text)
+    return next((name for name, pattern in _OTHER_UNITS.items() if pattern.fullmatch(word)), "")
+
+
+def _plain(text):
+    """A unit in lower case, without blanks and marks of powers, seconds as s."""
+    word = re.sub(r"\s+|\^|\*\*|[{}]", "", text.lower()).replace("²", "2").strip(".:,;'\"")
+    return re.sub(r"seconds?|secs?", "s", word)
+
+
+def quantity_of(text: str) -> str:
+    """The quantity that words name: "acceleration", "velocity", ...; "" where none is named."""
+    words = text.lower().replace("_", " ")
+    return next((name for name, pattern in _QUANTITIES.items() if re.search(pattern, words)), "")
+
+
+def is_vertical(name: str) -> bool:
+    """Whether a component's name, such as "UP", "acc_UD (gal)" or "BHZ00", is that of a vertical one."""
+    words = re.sub(r"[(\[].*?[)\]]", " ", name.upper())
+    parts = re.split(r"[^A-Z0-9]+", words)
+    return any(map(_VERTICAL.fullmatch, parts)) or words.strip() == "U-D"
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Component:
+    """One component of a record file, as the file has it.
+
+    Parameters
+    ----------
+    name : str
+        As the file calls it, such as "360 Deg", "N08W" or "acc_EW (gal)"; "" where it does not.
+    values : array_like
+        Samples (n,), in `unit`.
+    interval : float or None
+        Seconds between them; None where the file does not say it.
+    unit : str
+        Key of `UNITS`, or another text that the file says; "" where it says none.
+    quantity : str
+        "acceleration", or what else it is; "" for a column of unknown meaning, which is read only where it is asked
+        for.
+    vertical : bool
+        Whether the file says so by more than the name.
+    notes : tuple of str
+        Sentences on what a user should know.
+    peak : float or None
+        Peak that the file states, in `unit`.
+    event : str
+        Event, date and station.
+    """
+
+    name: str
+    values: Array
+    interval: float | None = None
+    unit: str = ""
+    quantity: str = "acceleration"
+    vertical: bool = False
+    notes: tuple[str, ...] = ()
+    peak: float | None = None
+    event: str = ""
+
+    @property
+    def azimuth(self) -> float | None:
+        """Degrees from north that the name says; None where it says none, or the component is vertical."""
+        words = re.sub(r"[(\[].*?[)\]]", " ", self.name.upper()).replace("_", " ")
+        match = re.search(r"\b([NS])\s?(\d{1,2})\s?([EW])\b", words)
+        if match:
+            angle = float(match[2])
+            return (
+                (angle if match[3] == "E" else -angle) % 360.0
+                if match[1] == "N"
+                else 180.0 + (-angle if match[3] == "E" else angle)
+            )
+        match = re.search(r"^\s*(\d{1,3})\s*$|\b(\d{1,3})\s*(?:DEG|°)", words)
+        if match and int(match[1] or match[2]) <= 360:
+            return float(match[1] or match[2])
+        letters = re.search(r"\b(?:[A-Z]{2})?(N-?S|E-?W|N|E)\d?\b", words)
+        return None if not letters else 0.0 if letters[1][0] == "N" else 90.0
+
+    @property
+    def objection(self) -> str:
+        """Why the component is not read, "got ..., accepted: ..."; "" where nothing speaks against it."""
+        named = f" {self.name!r}" if self.name else ""
+        if self.quantity not in ("acceleration", ""):
+            return f"got a {self.quantity}{named}, accepted: {ACCEPTED}".replace("a counts", "raw counts")
+        if self.vertical or is_vertical(self.name):
+            return f"got the vertical component{named}, accepted: a horizontal one, as the base moves horizontally"
+        other = quantity_of_unit(self.unit)
+        if other:
+            return f"got the unit {self.unit!r} of a {other}{named}, accepted: an acceleration in {', '.join(UNITS)}"
+        if self.unit and self.unit not in UNITS:
+            return f"got the unknown unit {self.unit!r}{named}, accepted: {', '.join(UNITS)}"
+        return ""
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """The notes, and a stated peak that the samples do not have to a tenth, with or without their mean."""
+        found = [float(np.abs(self.values - mean).max()) for mean in (0.0, self.values.mean())]
+        if self.peak is None or any(abs(abs(self.peak) - peak) <= 0.1 * peak + 1e-3 for peak in found):
+            return self.notes
+        return (*self.notes, f"The file states a peak of {abs(self.peak):g}, its samples have {found[0]:.4g}.")
+
+    @property
+    def description(self) -> str:
+        """Name, azimuth and peak of the component, or why it is not read, as a text."""
+        if self.objection:
+            return f"{self.name or 'no name'} (not read: {self.objection.removeprefix('got ').split(', accepted')[0]})"
+        azimuth = "" if self.azimuth is None else f", {self.azimuth:g}°"
+        peak = f"peak {np.abs(self.values).max():.4g} {self.unit or '(unit not said)'}"
+        return f"{self.name or 'no name'} ({peak}{azimuth})"
+
+
+def chosen(components: Sequence[Component], wanted: str | int | None, *, if_several: bool = False) -> Component:
+    """The component with a name or a number from 1, or the only one that can be read; else ValueError.
+
+    With `if_several` what is wanted counts only where more than one can be read.
+    """
+    usable = [component for component in components if component.quantity and not component.objection]
+    listed = "; ".join(f"{number} {component.description}" for number, component in enumerate(components, 1))
+    if wanted is None or (if_several and len(usable) == 1):
+        if len(usable) == 1:
+            return usable[0]
+        if all(component.objection for component in components):
+            raise ValueError(components[0].objection + f"; the file has: {listed}" * (len(components) > 1))
+        got = f"{len(components)} components" if len(components) > 1 else "a column whose name says no acceleration"
+        accepted = f"one of them by component (in a shell --component), its name or its number: {listed}"
+        raise ValueError(f"got {got}, accepted: {accepted}")
+    component = _named(components, wanted)
+    if component is None:
+        raise ValueError(f"got the component {wanted!r}, accepted: a name or a number of {listed}")
+    if component.objection:
+        raise ValueError(component.objection)
+    return component
+
+
+def _named(components, wanted):
+    """The component that a name or a number means; None where it means none, or several."""
+    text = str(wanted).strip()
+    if re.fullmatch(r"\d+", text) and 1 <= int(text) <= len(components):
+        return components[int(text) - 1]
+    name = _letters(text)
+    found = [component for component in components if _letters(component.name) == name]
+    if not found:
+        found = [
+            component
+            for component in components
+            if name in map(_letters, re.split(r"[\s_()\[\],;:/]+", component.name))
+        ]
+    return found[0] if name and len(found) == 1 else None
+
+
+def _letters(text):
+    """Letters and digits of a text, in capitals."""
+    return re.sub(r"[^A-Z0-9]", "", text.upper())

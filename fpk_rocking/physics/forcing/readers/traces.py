@@ -1,0 +1,66 @@
+"""What ObsPy reads, where it is installed: MiniSEED, SAC, GSE2, Kinemetrics' EVT."""
+
+import pathlib
+import warnings
+
+import numpy as np
+
+from fpk_rocking.physics.forcing.readers.components import Component
+from fpk_rocking.physics.forcing.readers.fields import check_count
+
+EXTRA = ' (pip install "fpk-rocking[obspy]")'
+
+FORMATS = ("SAC", "KINEMETRICS_EVT", "GSE2", "GSE1", "MSEED", "SACXY", "TSPAIR", "SLIST")
+"""Formats that it is asked for: neither PICKLE, whose files may run anything, nor those without a mark of their own."""
+
+_CALIBRATED = ("KINEMETRICS_EVT",)
+"""Formats whose calib makes the samples m/s²."""
+
+
+def components(path: pathlib.Path) -> tuple[str, list[Component]] | None:
+    """(format, components) of a file; None where ObsPy cannot read it, or is missing."""
+    try:
+        import obspy
+    except ImportError:
+        return None
+    for form in FORMATS:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                stream = obspy.read(str(path), format=form)
+        except Exception:  # noqa: BLE001, S112  (its readers raise whatever they meet)
+            continue
+        return form, [_component(trace, form) for trace in stream]
+    return None
+
+
+def _component(trace, form):
+    """The component of a trace."""
+    calib, channel = float(trace.stats.calib), trace.stats.channel
+    if calib != 1.0 and form not in _CALIBRATED:
+        raise ValueError(
+            f"got a calibration factor of {calib:g} in the header ({form}), accepted: 1, as it may be in the samples "
+            "already, or count for another unit: write the accelerations out, with trace.stats.calib = 1"
+        )
+    check_count(len(trace.data))
+    samples = np.ma.filled(np.asanyarray(trace.data, dtype=float), np.nan) * calib
+    if not np.isfinite(samples).all():
+        raise ValueError("got samples that are missing or not finite, accepted: one component without gaps")
+    quantity = "acceleration"
+    sac = getattr(trace.stats, "sac", {})
+    quantity = {6: "displacement", 7: "velocity", 50: "counts"}.get(int(sac.get("idep", 0)), quantity)
+    if len(channel) == 3 and channel[1] in "HL" and quantity == "acceleration" and sac.get("idep") != 8:
+        quantity = "seismometer's velocity"
+    if trace.data.dtype.kind in "iu" and form not in _CALIBRATED:
+        quantity = "counts"
+    unit = "m/s2" if form in _CALIBRATED else ""
+    vertical = channel[-1:] in ("Z", "U", "V") or float(sac.get("cmpinc", 90.0)) in (0.0, 180.0)
+    return Component(
+        f"channel {channel}" if channel.isdecimal() else channel,
+        samples,
+        float(trace.stats.delta),
+        unit,
+        quantity,
+        vertical,
+        event=trace.id,
+    )
