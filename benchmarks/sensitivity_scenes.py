@@ -33,6 +33,7 @@ GROUPS = {
         "rest_(angle|velocity)|least_.*_range": ("main", "block at rest"),
         "resting_nodes_beside|last_step_smooth": (),
         "patch_.*|free_patch_nodes|no_mass|visible_mass|missing_mass|closed_form_part": ("main", "rack", "pulse"),
+        "strong_diffusion": ("strong",),
         "contact_(part|rim|angle_points)|low_restitution": ("rattling",),
         "resolved|barely_resolved|rattle_.*|(lifted|waiting|contact)_step": ("main", "block at rest", "pulse"),
         "exact_.*|bent_gaussian": ("rack",),
@@ -137,6 +138,7 @@ def calls():
         "main": (main, solved, 4, {"tol": 1e-2}),
         "block at rest": (band, solved, 2, {"tol": 3e-2}),
         "rattling": (rattling, solved, 2, {"tol": 2e-2}),
+        "strong": (fpk.Scene(fpk.Block(0.52), fpk.Harmonic(0.6, 2.0), fpk.WhiteNoise(0.12)), solved, 2, {"tol": 2e-2}),
         "rack": (white_rack, solved, 3, {"tol": 2e-2}),
         "pulse": (pulse, solved, 0, {"times": [2.0, 4.0, 6.0], "tol": 2e-2}),
         "two states": (
