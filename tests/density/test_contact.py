@@ -69,6 +69,16 @@ def test_next_to_nothing_leaves_the_small_mesh():
     assert np.abs(left).max() < 1e-8 * step.target.masses(density).sum()
 
 
+def test_where_the_force_lifts_a_block_off_cells_next_to_the_cutoff_are_not_slow():
+    """Their blocks overturn: on the small mesh they would count as truncated."""
+    forcing = fpk.Harmonics(2.7, (2.4, 1.0), (0.0, 0.5 * math.pi))
+    scene = fpk.Scene(fpk.Block(0.6), forcing, fpk.WhiteNoise(0.008))
+    assert parts_of(scene) == [2, 2, 3]
+    result = fpk.solve_fpk(scene, cycles=2, tol=5e-2)
+    assert result.survival[2] < 0.95
+    assert abs(result.truncated[2]) < 1e-6
+
+
 def test_only_slow_cells_take_parts_and_one_part_is_a_step():
     step, whole, rng = contact_step(RATTLING, 4), contact_step(RATTLING, 1), np.random.default_rng(6)
     dynamics, space = Dynamics.of(RATTLING), whole.target

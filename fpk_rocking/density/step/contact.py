@@ -71,6 +71,9 @@ class ContactStep:
         if self.slow.any():
             self.window = _window(whole, self.slow)
             small = _part_of(space, self.window)
+            # An end of the small mesh that is not one of the mesh is no cut-off.
+            reaches = self.window[0].start == 0, self.window[0].stop == len(whole.active)
+            self._exits = [side if reached else 2 for side, reached in enumerate(reaches)] + [2]
             shared, part = scatter_buffers(small), duration / parts
             for begin in (start + part * np.arange(parts)).tolist():
                 paths = Characteristics(small, begin, part, dynamics, quadrature, cells=False)
@@ -101,20 +104,20 @@ class ContactStep:
             if mark_massive_cells(density, step.target.areas, self._negligible, step.active, marks):
                 step.activate(with_neighbours(marks))
             density, left = step.apply(density)
-            absorbed[2] += left.sum()
+            np.add.at(absorbed, self._exits, left)
         out[self.window] += density
         return out, absorbed
 
     def apply_adjoint(self, values, exit_values):
         """Return the mean, before the step, of a function of the state after it: the adjoint of `apply` in L2.
 
-        What leaves the small mesh within the step counts as truncated.
+        What leaves the small mesh other than past the cut-off counts as truncated.
         """
         out = self._whole.apply_adjoint(values, exit_values)
         if self._parts:
-            function, truncated = np.ascontiguousarray(values[self.window]), np.full(3, exit_values[2])
+            function, exits = np.ascontiguousarray(values[self.window]), np.asarray(exit_values, float)[self._exits]
             for step in reversed(self._parts):
-                function = step.apply_adjoint(function, truncated)
+                function = step.apply_adjoint(function, exits)
             slow = self.slow & self.active
             out[slow] = function[slow[self.window]]
         return out
@@ -128,11 +131,13 @@ def slow_cells(whole: Characteristics):
     dynamics, duration, (angle, velocity) = whole.dynamics, whole.duration, whole.source.lines
     segment = dynamics.segment(whole.start, duration)
     ends = (-1, segment.force_low), (1, segment.force_high)
-    pulls = [max(-acceleration(0.0, side, force, dynamics.block), 0.0) for side, force in ends]
+    pulls = [-acceleration(0.0, side, force, dynamics.block) for side, force in ends]
     pull = np.where(angle[:-1] + angle[1:] > 0.0, pulls[1], pulls[0])
     low, slow = (_least_size(lines) for lines in (angle, velocity))
     fastest = TUNING.linear_impact * math.sqrt(2.0 * dynamics.diffusion * duration)
-    return whole.event_cells & (slow**2 + (2.0 * pull * low)[:, None] < fastest**2)
+    # Before an impact that is slow a block has not been faster, but where the force lifts it off.
+    near = low < fastest * duration + 0.5 * np.maximum(-pull, 0.0) * duration**2
+    return whole.event_cells & near[:, None] & (slow**2 + (2.0 * np.maximum(pull, 0.0) * low)[:, None] < fastest**2)
 
 
 def _least_size(lines):
