@@ -155,7 +155,7 @@ class Hazard:
             That of the curve.
         """
         if self.measure and measure != self.measure:
-            accepted = f"{measure}, that of the curve: a hazard of it, or measure={self.measure!r} (--measure)"
+            accepted = f"{measure}, which the curve is over; measure={self.measure!r} (--measure) changes that"
             raise ValueError(checks.refusal("measure of the hazard", self.measure, accepted))
 
     @property

@@ -23,7 +23,9 @@ _QUANTITIES = {
 }
 """What a second column is, by patterns of its name, the first that is found."""
 
-_INTENSITY = r"(?<![a-z])(pga|pgv|im|iml|intensity)(?![a-z])|(?:peak )?(?:ground )?(acceleration|velocity)"
+_INTENSITY = r"(?<![a-z])(pga|pgv|im|iml|intensity|a_?g)(?![a-z])|(?:peak )?(?:ground )?(acceleration|velocity)"
+
+_MEASURES = {"pga": "PGA", "acceleration": "PGA", "ag": "PGA", "a_g": "PGA", "pgv": "PGV", "velocity": "PGV"}
 
 _SPECTRAL = r"spectral|(?<![a-z])s[av](?![a-z])"
 
@@ -35,6 +37,9 @@ _SPELLINGS = {"gal": "cm/s²", "gals": "cm/s²", "kine": "cm/s", "mps": "m/s", "
 
 _USUAL = {0.63, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01}
 """Probabilities, most often in 50 years, that maps are drawn for."""
+
+_MAPPED, _STRONGEST = 1.0 / 2500.0, {"PGA": 3.0, "PGV": 5.0}
+"""An annual rate, and intensities in g and m/s that no map has at such rates: those of a column are in another unit."""
 
 _LISTED = 10
 """Sites of a file that a message lists."""
@@ -76,8 +81,13 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
     rates, left = _rates(quantity, factor * values[order], time)
     kept = ~np.isinf(rates)
     scale = UNITS[measure][unit] if unit else 1.0
+    often = intensity[order][kept & (rates >= _MAPPED)]
+    if measure and not unit and often.size and often[-1] > _STRONGEST[measure]:
+        accepted = ", ".join(f"'{measure} ({unit})'" for unit in UNITS[measure])
+        got = f"{measure} in no unit, up to {often[-1]:g} at {_MAPPED:g} a year"
+        raise ValueError(f"got {got}, accepted: its unit in the name of the column, {accepted}")
     note = f"Its file gives {measure or 'an intensity'} in {stated}{f', read in {own},' * (not unit)} and {quantity}"
-    note += f" in {time:g} years" * (quantity == "probabilities")
+    note += f" in {time:g} year{'s' * (time != 1.0)}" * (quantity == "probabilities")
     return scale * intensity[order][kept], rates[kept], measure, f"{note}{left}."
 
 
@@ -127,7 +137,7 @@ def _named(comments, number, line):
 
 def _measured(number, match, rest):
     """Return measure and unit, empty where they are not known, by the `match` of a name and the `rest` of it."""
-    measure = {"pga": "PGA", "acceleration": "PGA", "pgv": "PGV", "velocity": "PGV"}.get(match[1] or match[2], "")
+    measure = _MEASURES.get(match[1] or match[2], "")
     said = re.search(_UNIT, rest)
     if not said:
         return measure, ""

@@ -206,8 +206,8 @@ def _read(files, units, interval, component):
         except (ValueError, OSError) as error:
             refused.append(error)
     if len(refused) > 1:
-        listed = "; ".join(map(str, refused))
-        raise ValueError(f"records: {len(refused)} of {len(files)} files are refused: {listed}")
+        listed = f"(a line for each: fpk-rocking records): {'; '.join(map(str, refused))}"
+        raise ValueError(f"records: {len(refused)} of {len(files)} files are refused {listed}")
     if refused:
         raise refused[0]
     said = dict.fromkeys(record.units for record in read.values())

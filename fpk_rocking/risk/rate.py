@@ -110,7 +110,7 @@ class Risk(Result):
         fitted = self.curve.fitted and not self.curve.by_points
         against, shares = [], {"the hazard curve": self.beyond_hazard, "the fragility": self.beyond_curve}
         for what, share in shares.items():
-            text = f"{100.0 * share:.0f} % of the rate come from intensities beyond the points of {what}, where "
+            text = f"{100.0 * share:.0f} % of the rate comes from intensities beyond the points of {what}, where "
             useless, unit = share > 0.5, ""
             if share <= 0.05:
                 continue
@@ -198,7 +198,8 @@ class Risk(Result):
         if self.upper_from_below > 0.2:
             lowest = f"{self.curve.measure} {np.nanmin(self.curve.jumps):.3g} {self.curve.unit}"
             text += f" At the upper limit {100.0 * self.upper_from_below:.0f} % of the rate comes from below {lowest}, "
-            text += "the lowest at which a motion overturns the block."
+            text += "the lowest at which a motion overturns the block, exceeded "
+            text += f"{rate_text(float(self.hazard(np.nanmin(self.curve.jumps))))} times a year."
         if not self.curve.jumps.size:
             text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]

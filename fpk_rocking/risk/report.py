@@ -81,13 +81,16 @@ def _picture(panel, meaning):
 
 
 def _hazard(risk):
-    """Yield heading, picture, and law or table of the hazard of a `Risk`, texts of HTML."""
+    """Yield heading, picture, and law and table of the hazard of a `Risk`, texts of HTML."""
     yield "<h2>Hazard and risk</h2>"
     yield _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard")
     measure, hazard = f"{risk.curve.measure}, {risk.curve.unit}", risk.hazard
     table = {measure: _digits(hazard.intensity), "exceeded, 1/year": _digits(hazard.rate)}
     law = f"<p>Exceeded {hazard.law} times a year (im in {risk.curve.unit}).</p>"
-    yield law if hazard.law else table_html(table)
+    if hazard.law:
+        yield law
+    if hazard.source or not hazard.law:
+        yield table_html(table)
 
 
 def _untitled(text, title):

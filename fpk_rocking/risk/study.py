@@ -33,6 +33,7 @@ from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
 from fpk_rocking.risk.search import FARTHEST, overturns
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.execution import seed_of
 
 MOVED = 0.01
@@ -173,8 +174,22 @@ class Study(Result):
     def remarks(self) -> tuple[str, ...]:
         """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
         few = f"{self.curve.records} motions are few: 30 are needed to rely on the scatter between them."
-        remarks = [self.about_correction, few * (1 < self.curve.records < MANY), self._standing()]
+        remarks = [self._at_most(), self.about_correction, few * (1 < self.curve.records < MANY), self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
+
+    def _at_most(self):
+        """Return what no rate over PGA can exceed, where the upper limit does: lognormal tails know no lift-off."""
+        scene = self.recorded[0]
+        rests = scene.start.covariance is None and scene.start.angle == scene.start.velocity == 0.0
+        if self.risk is None or self.critical is None or self.curve.measure != "PGA" or not rests:
+            return ""
+        size = scene.block.size
+        level = scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY
+        most = float(self.risk.hazard(level))
+        if not self.risk.interval[1] > most:
+            return ""
+        text = f"A PGA below {level:.3g} g does not lift the block off, and by the hazard one above it comes "
+        return f"{text}{rate_text(most)} times a year: the rate is at most that, whatever its upper limit."
 
     def _standing(self):
         """Return the names of the motions under which the block stands at the end of the search; empty for none."""

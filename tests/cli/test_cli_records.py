@@ -101,7 +101,7 @@ def test_what_files_leave_open_is_given_in_the_shell_and_all_bad_ones_are_named(
     for command in (curves, ["risk", str(rack), "--hazard", "1e-3:2", "--records"]):
         assert main([*command, *files.values()]) == 2
         err = capsys.readouterr().err
-        assert "records: 5 of 6 files are refused: forcing.file: " in err
+        assert "records: 5 of 6 files are refused (a line for each: fpk-rocking records): forcing.file: " in err
         for name in ("three.csv", "bare.th", "cut.AT2", "up.AT2", "velocity.txt"):
             assert name in err
     for option, value in (("units", "gal"), ("interval", "0.02")):

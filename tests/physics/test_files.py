@@ -244,6 +244,21 @@ def test_of_three_components_one_is_chosen_by_name_or_number(tmp_path):
         Record.from_file(path, units="g", component=2.0)
 
 
+@pytest.mark.parametrize("names", ["N00E,+V,N90E", "360 Deg,Up,90 Deg", "S00E,UP,090", "N-S,U-D,E-W", "N(+),U(+),E(+)"])
+def test_a_direction_chooses_whatever_the_archive_calls_it(tmp_path, names):
+    """One option serves for files of several archives; the table of motions says what was taken."""
+    path, (north, _, east) = tmp_path / "motion.csv", names.split(",")
+    path.write_text(f"time,{names}\n0.0,1,2,3\n0.1,1,2,3\n")
+    for component, sample, name in (("NS", 1.0, north), ("n", 1.0, north), ("E-W", 3.0, east), ("E", 3.0, east)):
+        record = Record.from_file(path, units="g", component=component)
+        assert (record.samples, record.event) == ((sample, sample), name)
+    # Of components that are turned, or two that lie alike, none is guessed.
+    for oblique in ("N08W,UP,S82W", "360 Deg,0 Deg,180 Deg"):
+        path.write_text(f"time,{oblique}\n0.0,1,2,3\n0.1,1,2,3\n")
+        with pytest.raises(ValueError, match="got the component 'NS', accepted: a name or a number of 1 "):
+            Record.from_file(path, units="g", component="NS")
+
+
 def test_what_is_no_text_file_is_refused_by_name(tmp_path):
     path = tmp_path / "motion.AT2"
     for data, says in ((b"", "an empty file"), (b" \n ", "an empty file"), (bytes(range(256)) * 9, "binary data")):

@@ -252,6 +252,11 @@ def test_what_is_hardly_an_acceleration_in_any_unit_is_told():
     ):
         sentences = implausible(scene_of(Record(0.01, samples.tolist(), units, source="own.txt")))
         assert sum(says in sentence for sentence in sentences) == 1, sentences
+    offset = Record(0.01, (shape - 2.0).tolist(), "m/s2")
+    assert [sentence.partition(", which")[0] for sentence in offset.implausible] == [
+        "All samples of the record lie around an offset of -0.2 g"
+    ]
+    assert dataclasses.replace(offset, baseline="mean").implausible == []
     assert Record(0.01, (2.0 * shape).tolist(), "m/s2").implausible == []
     assert Record(0.01, (200.0 * shape).tolist(), "cm/s2", note="Of a borehole.").implausible == ["Of a borehole."]
 

@@ -130,13 +130,13 @@ def test_a_law_that_gives_infinite_rates_is_refused():
 
 def test_a_hazard_of_another_measure_is_refused():
     """That of PGA, taken as one of PGV, gave 7.9e-5 for 2.0e-4 a year."""
-    with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PGV, that of the curve: a haz"):
+    with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PGV, which the curve is"):
         annual_frequency(curve_of(), Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGA"))
     # Where the unit is known, no other one is asked for.
     far = {"intensity": 100.0 * np.geomspace(0.02, 6.0, 20), "rate": np.geomspace(1e-1, 1e-6, 20)}
     asked, known = (annual_frequency(curve_of(), Hazard(**far, measure=name)).sentences[1] for name in ("", "PGV"))
     assert asked.startswith("Are the intensities of the hazard in cm/s?")
-    assert known.startswith("91 % of the rate come from")
+    assert known.startswith("91 % of the rate comes from")
     own = Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGV", note="Read so.")
     assert " count as known. Read so. " in annual_frequency(curve_of(), own).sentences[0]
 
@@ -155,7 +155,7 @@ def test_two_points_of_a_map_give_a_rate_and_what_other_slopes_would_make_of_it(
     assert min(wanted) < 0.9 * risk.rate < risk.rate < 1.1 * max(wanted)
     assert risk.trust.verdict == "caution"
     low, high = (f"{value:.2e}".replace("e-0", "e-") for value in risk.by_other_slopes)
-    share = f"{100 * risk.beyond_hazard:.0f} % of the rate come from intensities beyond the points of the hazard curve"
+    share = f"{100 * risk.beyond_hazard:.0f} % of the rate comes from intensities beyond the points of the hazard curve"
     text = f"{share}, where its power laws go on; with half and with twice their exponents there the rate is "
     assert f"{text}{low} to {high}." in risk.sentences
     far = annual_frequency(curve_of(1.5, 0.4, replicates=[(1.5, 0.4)] * 9), risk.hazard)

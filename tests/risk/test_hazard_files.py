@@ -58,6 +58,8 @@ def test_hazards_are_read_from_two_columns(tmp_path, text):
         ("PGV_m_per_s", "PGV", 1.0),
         ("im (cm/s)", "PGV", 100.0),
         ("PGA", "PGA", 1.0),
+        ("ag (g)", "PGA", 1.0),
+        ("a_g [m/s2]", "PGA", G),
     ],
 )
 def test_the_first_line_says_measure_and_unit(tmp_path, names, measure, factor):
@@ -111,6 +113,10 @@ def test_two_points_of_a_national_map(tmp_path):
     hazard = read(tmp_path, "return period (years);PGA (g)\n475;0,16\n2475;0,31\n")
     assert (hazard.intensity.tolist(), hazard.rate.tolist()) == ([0.16, 0.31], [1 / 475, 1 / 2475])
     assert hazard.note == "Its file gives PGA in g and return periods."
+    yearly = read(tmp_path, "PGA (g),annual probability\n0.16,2.1e-3\n0.31,4e-4\n")
+    assert yearly.note == "Its file gives PGA in g and probabilities in 1 year."
+    rare = read(tmp_path, "PGA,annual rate\n0.5,1e-3\n4,1e-6\n")
+    assert rare.intensity.tolist() == [0.5, 4.0]
 
 
 def test_a_time_may_stand_in_a_comment(tmp_path):
@@ -143,6 +149,9 @@ ASKED = r"accepted: a first line that names the columns, as 'PGA \(g\),annual ra
         ("PGA (cm/s),rate\n0.2,1e-3\n", r"line 1: unit of the intensity: got 'cm/s', accepted: g, m/s², cm/s², %g"),
         ("PGA (g),poe\n0.2,1e-1\n", "line 1: got 'PGA .g.,poe', accepted: its time too, as in 'probability in 50 y"),
         ("PGA (g),poe in 50 years\n0.2,10\n0.3,2\n", r"probability: got 10\.0, accepted: 0 to 1, or a name of the"),
+        # No map has 18 g in 475 years.
+        ("PGA,return period\n18,475\n34,2475\n", r"got PGA in no unit, up to 34 at 0\.0004 a y.*, 'PGA \(%g\)'$"),
+        ("PGV,return period\n9,475\n17,2475\n", r"got PGV in no unit, up to 17 at .*'PGV \(m/s\)', 'PGV \(cm/s\)'"),
         ("PGA (g),return period\n0.2,0\n0.3,2\n", r"return period: got 0\.0, accepted: years above 0"),
         # Without names, what may be something else is asked.
         ("0.1,475\n0.3,2475\n", rf"got 475, 2475, \.\.\. in .* column, that rise, as return periods do; {ASKED}"),
@@ -217,7 +226,7 @@ def test_the_command_takes_measure_and_site_of_the_file(tmp_path, capsys):
     assert "site: got None, accepted: 'lon,lat' to .01°, or a number, of 1: 9.15,45.16; 2: " in capsys.readouterr().err
     words.append("--site=-70.5,-33.25")
     assert cli.main(words) == 2
-    said = "measure of the hazard: got 'PGA', accepted: PGV, that of the curve: a hazard of it, or measure='PGA' (--mea"
+    said = "measure of the hazard: got 'PGA', accepted: PGV, which the curve is over; measure='PGA' (--measure) "
     assert said in capsys.readouterr().err
     assert cli.main([*words, "--measure", "PGA", "--json", "--out", str(tmp_path / "out")]) == 0
     values = json.loads(capsys.readouterr().out)

@@ -195,6 +195,7 @@ def test_what_of_the_upper_limit_comes_from_where_no_motion_overturns():
     assert 0.2 < share < 0.9
     sentence = f"At the upper limit {100.0 * share:.0f} % of the rate comes from below PGV 0.4 m/s, the lowest at which"
     assert sentence in risk.sentences[0]
+    assert "a motion overturns the block, exceeded 6.25e-3 times a year." in risk.sentences[0]
     assert annual_frequency(curve, law).upper_from_below == 0.0
 
 

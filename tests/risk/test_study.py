@@ -310,7 +310,7 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
 def test_files_say_what_made_them_and_what_they_are_worth(tmp_path, capsys):
     """Date, version, hazard and command in report, text and JSON; the verdict in what other programs read."""
     (tmp_path / "rack.toml").write_text(without_forcing(Scene(Block(0.9, SIZE), record(0), NoNoise())))
-    (tmp_path / "site 3.csv").write_text("0.1,1e-1\n1,1e-3\n10,1e-6\n")
+    (tmp_path / "site 3.csv").write_text("0.1,1e-1\n1,1e-3\n")
     words = ["risk", str(tmp_path / "rack.toml"), "--synthetic", "5", "--hazard", str(tmp_path / "site 3.csv")]
     words += ["--name", "rack", "--out", str(tmp_path / "out")]
     assert cli.main(words) == 0
@@ -323,6 +323,8 @@ def test_files_say_what_made_them_and_what_they_are_worth(tmp_path, capsys):
     assert json.loads((out / "risk.json").read_text())["origin"].endswith(line)
     page = html.unescape((out / "report.html").read_text())
     assert f"{line}</p>" in page
+    # A hazard of two points is told as a law, and as what its file has.
+    assert re.search(r"<p>Exceeded 0\.001 im\^-2 times a year .*exceeded, 1/year.*>0\.1<.*>0\.1<.*>1<", page, re.DOTALL)
     assert re.search(rf"<p>Made on \d{{4}}-\d\d-\d\d {made}\.</p>", page)
     assert f"Verdict: {verdict}. " in (out / "rack.xml").read_text()
     (row,) = csv.DictReader((out / "rack.csv").open())

@@ -115,6 +115,26 @@ def test_motions_that_do_not_settle_are_told_by_name(monkeypatch):
     assert not any("where the search ends" in text for text in stepped(5).remarks)
 
 
+def test_a_rate_over_pga_is_at_most_that_of_what_lifts_the_block_off():
+    """Five motions that differ much: the lognormal tails reach below the PGA that lifts a block of .5 x 1.8 m off."""
+    block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), []
+    for factor, motion in zip((0.3, 0.6, 1.0, 2.0, 4.0), synthetic_records(5, duration=5.0), strict=True):
+        motions.append(dataclasses.replace(motion, interval=factor * motion.interval))
+    hazard = Hazard([0.18, 0.34], [1 / 475, 1 / 2475], measure="PGA", source="map.csv")
+    result = study(block, motions, hazard, [0.5, 1.0, 2.0], measure="PGA")
+    most = float(hazard(0.5 / 1.8))
+    assert result.risk.interval[1] > most > result.risk.rate
+    said = "A PGA below 0.278 g does not lift the block off, and by the hazard one above it comes 6.83e-4 times a year"
+    assert f"{most:.2e}" == "6.83e-04"
+    assert f"{said}: the rate is at most that, whatever its upper limit." in result.text()
+    assert "lift the block off" not in stepped(5).text()
+    # Like motions under a hazard that hardly falls: the upper limit is below the rate of what lifts the block off.
+    alike = synthetic_records(6, duration=5.0, rms=1.5)
+    flat = study(block, alike, Hazard.power_law(rate=1e-3, exponent=0.5), [0.5, 1.0, 2.0], measure="PGA")
+    assert flat.risk.interval[1] < float(flat.risk.hazard(0.5 / 1.8))
+    assert "lift the block off" not in flat.text()
+
+
 def test_without_noise_each_motion_is_told_by_name(tmp_path):
     result = stepped(5)
     motions = synthetic_records(6, duration=5.0, rms=1.5)

@@ -154,7 +154,10 @@ class Record(TransientForcing):
             options = " and ".join(f"--{text[8 : text.index(':')]}" for text in missing)
             raise ValueError(f"{'; '.join(missing)} (in a shell {options})")
         samples, note = tuple(found.values.tolist()), " ".join(found.sentences)
-        about = {"source": file.name, "event": found.event, "note": note}
+        # Where one was chosen, a table of motions says which.
+        chosen = found.name if component is not None and found.name not in found.event else ""
+        event = ", ".join(filter(None, [found.event, chosen]))
+        about = {"source": file.name, "event": event, "note": note}
         return cls(interval, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
 
     @classmethod
@@ -271,7 +274,16 @@ class Record(TransientForcing):
             if (samples == np.round(samples)).all() and np.abs(samples).max() >= 1000.0:
                 sentences.append(f"The samples of {name} are whole numbers: are they counts of a recorder?")
             if samples.min() >= 0.0 or samples.max() <= 0.0:
-                sentences.append(f"All samples of {name} have one sign: are they a spectrum, or have an offset?")
+                offset = float(samples.mean())
+                # The largest of a spectrum are far above its mean; those of an offset record lie around it.
+                if abs(offset) <= np.abs(samples - offset).max():
+                    sentences.append(f"All samples of {name} have one sign: are they a spectrum, or have an offset?")
+                elif self.baseline == "none":
+                    level = f"{offset * UNITS[self.units] / UNITS['g']:.2g} g"
+                    sentences.append(
+                        f"All samples of {name} lie around an offset of {level}, which its PGA contains: take baseline "
+                        '= "mean" (--baseline mean), or "high-pass".'
+                    )
         return sentences
 
     @property

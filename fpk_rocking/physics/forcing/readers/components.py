@@ -47,6 +47,9 @@ _QUANTITIES = {
 
 _VERTICAL = re.compile(r"UP|DN|DOWN|DWN|V\d?|VER|VERT|VERTICAL|VRT|\d*UD\d?|U|Z|[A-Z]{2}Z\d{0,2}|400|401")
 
+_AXES = {"N": 0.0, "NS": 0.0, "E": 90.0, "EW": 90.0}
+"""Degrees from north of the directions that may be asked for whatever a file calls its components."""
+
 SEISMOMETER = re.compile(r"[A-Z]H[NEZ123]")
 """SEED's name of a channel that records a velocity; of an accelerometer the second letter is N, L or G."""
 
@@ -209,6 +212,13 @@ def _named(components, wanted):
             component
             for component in components
             if name in map(_letters, re.split(r"[\s_()\[\],;:/]+", component.name))
+        ]
+    if not found and name in _AXES:
+        # Archives write one direction as N-S, N00E, 360 Deg or N(+), and one option serves for all of them.
+        found = [
+            component
+            for component in components
+            if component.azimuth is not None and component.azimuth % 180.0 == _AXES[name] and not component.objection
         ]
     return found[0] if name and len(found) == 1 else None
 
