@@ -72,7 +72,7 @@ class Hazard:
             # `with_slopes` adds two.
             inside = values > 0.0 if name == "intensity" else values >= 0.0
             if not 2 <= values.size <= 10_002 or not np.all(inside & np.isfinite(values)):
-                raise ValueError(checks.refusal(f"hazard.{name}", getattr(self, name), accepted))
+                raise ValueError(checks.refusal(f"hazard.{name}", values.tolist(), accepted))
             object.__setattr__(self, name, values)
         if self.intensity.size != self.rate.size:
             raise ValueError(

@@ -181,9 +181,9 @@ class Study(Result):
         """Return what no rate over PGA can exceed, where the upper limit does: lognormal tails know no lift-off."""
         scene = self.recorded[0]
         rests = scene.start.covariance is None and scene.start.angle == scene.start.velocity == 0.0
-        if self.risk is None or self.critical is None or self.curve.measure != "PGA" or not rests:
-            return ""
         size = scene.block.size
+        if self.risk is None or self.critical is None or size is None or self.curve.measure != "PGA" or not rests:
+            return ""
         level = scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY
         most = float(self.risk.hazard(level))
         if not self.risk.interval[1] > most:
