@@ -260,12 +260,14 @@ def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
         last += TAIL * spread
     if curve.by_points or not curve.fitted:
         points, first, last = np.concatenate([points, places]), min(first, places[0]), max(last, places[-1])
-    # Where the product of hazard and lognormal curve is less than 1e-30 of that at its median.
+    first = min(first, math.log(hazard.end))
+    # Where the product of hazard and lognormal curve is less than 1e-30 of that at its median or where the hazard ends.
     away = TAIL + 2.0 * hazard.laws[2].max() * spread
     for _ in range(60):
         gained = hazard.log_rate(first - away * spread) - hazard.log_rate(first)
         away = math.sqrt(TAIL**2 + 2.0 * max(gained, 0.0))
-    low, high = max(first - away * spread, -LARGEST), min(hazard.last_log(last), LARGEST)
+    low, high = max(first - away * spread, -LARGEST), min(hazard.last_log(last), math.log(hazard.end), LARGEST)
+    last = min(last, high)
     if hazard.log_rate(low) > LARGEST:
         accepted = "less, as its law goes on below the points, to infinite rates: give lower intensities"
         raise ValueError(checks.refusal("lowest exponent of the hazard", round(float(hazard.laws[2][0]), 1), accepted))
@@ -287,21 +289,20 @@ def gauss_nodes(edges: Array) -> tuple[Array, Array]:
 
 
 def rate_density(probability: Callable[[Array], Array], hazard: Hazard, y: Array) -> Array:
-    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability.
-
-    What is exceeded where the hazard ends overturns as often as there: the law beyond carries it.
-    """
-    share = probability(np.exp(np.minimum(y, min(math.log(hazard.end), LARGEST))))
-    return hazard.slope(y) * np.exp(hazard.log_rate(y)) * share
+    """Return the annual rate (n,) in a unit of y = ln(intensity), at y (n,): |dH| = k H dy, times the probability."""
+    return hazard.slope(y) * np.exp(hazard.log_rate(y)) * probability(np.exp(y))
 
 
 def shares_of_rate(probability: Callable[[Array], Array], hazard: Hazard, edges: Array) -> tuple[Array, Array]:
-    """Return (y, share), (n,) each: nodes in ln(intensity) of rules between `edges`, and the rate (1/year) of each."""
+    """Return (y, share), (n,) each: nodes in ln(intensity) of rules between `edges`, and the rate (1/year) of each.
+
+    At the last edge is what is exceeded there: all that is left where the hazard ends, and the rest of a law that
+    hardly falls.
+    """
     y, weights = gauss_nodes(edges)
     share = weights * rate_density(probability, hazard, y)
-    # A law that hardly falls has a part beyond.
-    share[-1] += np.exp(hazard.log_rate(edges[-1])) * probability(np.exp(y[-1:]))[0]
-    return y, share
+    last = np.exp(hazard.log_rate(edges[-1:])) * probability(np.exp(edges[-1:]))
+    return np.append(y, edges[-1]), np.append(share, last)
 
 
 def rate_limits(curve: IntensityCurve, hazard: Hazard, edges: Array) -> tuple[float, float]:
@@ -312,7 +313,7 @@ def rate_limits(curve: IntensityCurve, hazard: Hazard, edges: Array) -> tuple[fl
     if curve.fitted:
         return math.nan, math.nan
     y, share = shares_of_rate(np.ones_like, hazard, edges)
-    low, high = (float(share @ side) for side in curve.limits(np.exp(np.minimum(y, math.log(hazard.end)))))
+    low, high = (float(share @ side) for side in curve.limits(np.exp(y)))
     return low, high
 
 
@@ -350,12 +351,16 @@ def contributions_by_bin(
         return np.exp(y[[0, -1]]), np.zeros(1)
     part = np.cumsum(share) / total
     low, high = y[np.searchsorted(part, [5e-4, 1.0 - 5e-4])].tolist()
+    # All of it may come from the end of the hazard; a bin of 1 % is as good as another.
+    low = low if low < high else high - 0.24
     edges = np.linspace(low, high, 25)
     kinks = hazard.laws[0]
     parts = np.unique(np.concatenate([edges, kinks[(kinks > low) & (kinks < high)]]))
     nodes, weights = gauss_nodes(parts)
     rates = (weights * rate_density(probability, hazard, nodes)).reshape(-1, 12).sum(axis=1)
-    return np.exp(edges), np.bincount(np.searchsorted(edges, parts[:-1], side="right") - 1, rates, 24) / total
+    shares = np.bincount(np.searchsorted(edges, parts[:-1], side="right") - 1, rates, 24)
+    shares[-1] += share[-1] if high == y[-1] else 0.0
+    return np.exp(edges), shares / total
 
 
 def share_beyond(y: Array, share: Array, points: Sequence[float] | Array) -> float:

@@ -76,6 +76,8 @@ HAZARDS = {
     "zeros amid the curve": ([0.1, 0.5, 0.6, 0.7], [1e-2, 1e-3, 5e-4, 0]),
     "a plateau, then zero": ([0.1, 0.5, 0.8, 1.0], [1e-2, 1e-3, 1e-3, 0]),
     "both": ([0.01, 0.02, 0.1, 0.3, 0.31, 1, 2, 4], [0.1, 0.1, 0.02, 2e-3, 2e-3, 1e-4, 1e-4, 0]),
+    "it ends far below the curve": ([0.01, 0.02, 0.04], [1e-2, 5e-3, 0]),
+    "it ends where hardly anything overturns": ([0.001, 0.002, 0.0025], [1e-2, 5e-3, 0]),
     "a law that hardly falls": ([0.1, 0.5, 2.0, 4.0], [1e-2, 1e-3, 1e-5, 9.999e-6]),
 }
 
@@ -89,14 +91,16 @@ def test_rates_of_plateaus_and_zeros_are_the_integral_of_each_piece(name, fitted
     by_points = lambda y: float(curve.along(curve.probability, math.exp(y)))  # noqa: E731
     exact = integral(curve, hazard, (lambda y: special.ndtr((y - math.log(0.7)) / 0.4)) if fitted else by_points)
     risk = annual_frequency(curve, hazard)
-    assert risk.rate == pytest.approx(exact, rel=1e-9)
-    assert risk.exported_rate == pytest.approx(exact, rel=1e-9)
-    if not hazard.rate[-1]:  # what is exceeded where it ends is no extrapolation
+    assert risk.rate == pytest.approx(exact, rel=1e-9, abs=0.0)
+    assert risk.exported_rate == pytest.approx(exact, rel=1e-9, abs=0.0)
+    if not hazard.rate[-1]:  # what is exceeded where it ends is no extrapolation, and comes from there
         assert risk.beyond_hazard < 0.1
+        assert risk.edges[-1] <= hazard.end * (1.0 + 1e-12)
+        if hazard.end <= curve.intensity[-1]:
+            assert risk.beyond_curve - risk.below_curve == pytest.approx(0.0, abs=1e-9)
     if fitted:
-        assert risk.interval == pytest.approx((exact, exact), rel=1e-9)
-    if "hardly" not in name:
-        assert risk.contribution.sum() == pytest.approx(0.999, abs=1e-3)
+        assert risk.interval == pytest.approx((exact, exact), rel=1e-9, abs=0.0)
+    assert risk.contribution.sum() == pytest.approx(0.999, abs=1e-3)
     tracemalloc.start()
     begin = time.perf_counter()
     annual_frequency(curve, hazard)
