@@ -118,7 +118,7 @@ class WhiteNoise:
     >>> from montecarlo import simulate
     >>> scene = load_scene("main").varied(noise=WhiteNoise(diffusion=0.02))
     >>> print(simulate(scene, cycles=4, realizations=1000).survival.round(2))
-    [1.   1.   0.95 0.78 0.64]
+    [1.   1.   0.96 0.79 0.65]
     """
 
     kind: ClassVar[Literal["white"]] = "white"
