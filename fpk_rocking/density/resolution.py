@@ -220,8 +220,7 @@ class Resolution:
     def _contact_parts(self, scene, duration):
         """Return the parts, an int, that slow impacts take of a step of a `duration`."""
         restitution = math.sqrt(math.prod(scene.block.restitution_by_side))
-        strong = scene.noise.diffusion >= TUNING.strong_diffusion
-        if strong or restitution > TUNING.low_restitution or not _rests_long(scene):
+        if restitution > TUNING.low_restitution or not _rests_long(scene):
             return 1
         # With the square of the steps an error of first order falls by half from one solution to the next.
         part = TUNING.contact_part * (12.0 / self.steps) ** 2
