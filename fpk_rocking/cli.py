@@ -96,10 +96,8 @@ def command_line() -> argparse.ArgumentParser:
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scene --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
-    options += (
-        " --synthetic --interval --component --baseline --corner-hz --uncertain --blocks --workers --store --name"
-    )
-    options += " --seed --out --json"
+    options += " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --workers --store"
+    options += " --name --seed --out --json"
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
     does = "what files of recorded motions have"
     options = "files --units --interval --component --json"

@@ -1,11 +1,10 @@
 """A time step in which slow impacts are followed in shorter parts of it.
 
 Under |f| < 1 a block that meets x = 0 slowly bounces many times within a step, and noise moves it between the bounces.
-`characteristics.trace_point` takes that noise as two kicks of the velocity, at the begin and at the end of the step.
-That has an error of an order near 1.2 in the step, which the differences of solutions do not show. So the cells from
-which impacts may be that slow, `slow_cells`, take the step in parts, on a small mesh about the origin whose lines are
-lines of the mesh, and all others at once. Both are linear maps of the density, and the step is their sum. How many
-parts: `Resolution.adapted`.
+`characteristics.trace_point` takes that noise as two kicks of the velocity. That has an error of an order between 1 and
+1.5 in the step, of which the differences of solutions show a part only. So the cells from which impacts may be that
+slow, `slow_cells`, take the step in parts, on a small mesh about the origin whose lines are lines of the mesh, and all
+others at once. Both are linear maps of the density, and the step is their sum. How many parts: `Resolution.adapted`.
 """
 
 import math
@@ -39,7 +38,7 @@ class ContactStep:
     space : Space
         The mesh before and after the step.
     start, duration : float
-        Begin of the step and its length, τ.
+        Time at which the step begins, and its length, τ.
     dynamics : Dynamics
         What moves the block.
     quadrature : Quadrature

@@ -10,7 +10,7 @@ What the acceleration of an exact block has beyond this, c, depends on angle and
 velocity half way through the step, in which the noise by which lines of different angles differ diffuses them too. The
 middle of X Y X is the state half way but for a stretch: angle / cosh(t/2), velocity cosh(t/2). To first order in c,
 such a kick is the exact flight between states that are displaced a little (`displaced`): its error is a
-total derivative, (t²/24) (-c, v ∂c/∂x + ∂c/∂t) at the end less that at the begin, which cancels from step to step. So a
+total derivative, (t²/24) (-c, v ∂c/∂x + ∂c/∂t) at the end less that at the start, which cancels from step to step. So a
 density on the mesh is one of displaced states; what is left is of second order in c, and of fourth in the step to first
 (derived in docs/theory).
 """

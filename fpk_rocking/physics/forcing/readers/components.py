@@ -132,12 +132,8 @@ class Component:
         words = re.sub(r"[(\[].*?[)\]]", " ", self.name.upper()).replace("_", " ")
         match = re.search(r"\b([NS])\s?(\d{1,2})\s?([EW])\b", words)
         if match:
-            angle = float(match[2])
-            return (
-                (angle if match[3] == "E" else -angle) % 360.0
-                if match[1] == "N"
-                else 180.0 + (-angle if match[3] == "E" else angle)
-            )
+            turned = 1.0 if (match[1] == "N") == (match[3] == "E") else -1.0
+            return (180.0 * (match[1] == "S") + turned * float(match[2])) % 360.0
         match = re.search(r"^\s*(\d{1,3})\s*$|\b(\d{1,3})\s*(?:DEG|°)", words)
         if match and int(match[1] or match[2]) <= 360:
             return float(match[1] or match[2])
