@@ -6,11 +6,13 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.scene.units import STANDARD_GRAVITY
+from fpk_rocking.physics.forcing.readers import components
 
 UNITS = {
     "PGV": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
-    "PGA": {"g": 1.0, "m/s²": 1.0 / STANDARD_GRAVITY, "cm/s²": 0.01 / STANDARD_GRAVITY, "%g": 0.01},
+    "PGA": {
+        unit.replace("2", "²"): components.UNITS[unit] / components.UNITS["g"] for unit in ("g", "m/s2", "cm/s2", "%g")
+    },
 }
 """Units in which files give an intensity, in that of its curve, which is the first."""
 
@@ -33,7 +35,7 @@ _UNIT = r"[(\[,_ ]\s*(?:in )?([a-z%][a-z0-9/^*²% .]*?)\s*[)\]]?$"
 
 _TIME = r"([\d.]+)[ -]*(?:years?|yrs?|y|a)\b"
 
-_SPELLINGS = {"gal": "cm/s²", "gals": "cm/s²", "kine": "cm/s", "mps": "m/s", "mps²": "m/s²", "cmps": "cm/s"}
+_VELOCITIES = {"kine": "cm/s", "mps": "m/s", "cmps": "cm/s"}
 
 _USUAL = {0.63, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01}
 """Probabilities, most often in 50 years, that maps are drawn for."""
@@ -141,8 +143,8 @@ def _measured(number, match, rest):
     said = re.search(_UNIT, rest)
     if not said:
         return measure, ""
-    spelled = re.sub(r"[\^* ]", "", said[1]).replace("2", "²").replace("sec", "s").replace("/s/s", "/s²")
-    unit = _SPELLINGS.get(spelled, spelled)
+    velocity = said[1].replace(" ", "").replace("sec", "s")
+    unit = (components.unit_of(said[1]) or "").replace("2", "²") or _VELOCITIES.get(velocity, velocity)
     measures = [kind for kind in UNITS if unit in UNITS[kind] and measure in ("", kind)]
     if not measures:
         accepted = ", ".join(unit for kind in UNITS if measure in ("", kind) for unit in UNITS[kind])
