@@ -31,6 +31,7 @@ LONG = 100
 EQUAL = "docs/benchmarks/time_at_equal_error.json"
 SOURCES = {
     "README.md": ["docs/tutorials/first_block.md", EQUAL, "docs/gallery.md"],
+    "docs/findings.md": [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("findings/*.sh"))],
     "docs/howto/large_and_rare.md": ["docs/benchmarks/monte_carlo_accuracy_of_the_engines.json"],
     "docs/index.md": ["docs/tutorials/first_block.md"],
     "docs/long_horizon.md": ["docs/benchmarks/one_cycle_operator.json"],
