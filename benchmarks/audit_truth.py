@@ -125,15 +125,24 @@ class Motion:
             """Angle beyond the cut-off."""
             return state[0] - block.cutoff
 
+        def turn(_, state):
+            """Velocity: where it falls through 0 the angle is largest."""
+            return state[1]
+
         impact.terminal = fall.terminal = True
-        impact.direction, fall.direction = -1, 1
+        impact.direction, fall.direction, turn.direction = -1, 1, -1
         # A first step beyond a low bounce would end below the floor, and the event would be found at its beginning.
         size = abs(rates(time, self.state)[1]) + 1e-3
         first = min(0.5 * (stop - time), max(0.2 * self.state[1] / size, 1e-9) if self.state[0] == 0.0 else 0.01)
         flight = solve_ivp(
-            rates, (time, stop), self.state, "DOP853", events=(impact, fall), rtol=ERROR, atol=1e-4 * ERROR,
-            first_step=first,
+            rates, (time, stop), self.state, "DOP853", events=(impact, fall, turn), rtol=ERROR, atol=1e-4 * ERROR,
+            first_step=first, dense_output=True,
         )  # fmt: skip
+        # An angle that passes the cut-off and comes back within a step is no event of its own.
+        over = [when for when, (u, _) in zip(flight.t_events[2], flight.y_events[2], strict=True) if u >= block.cutoff]
+        if over:
+            self.state[0] = block.cutoff
+            return float(brentq(lambda t: flight.sol(t)[0] - block.cutoff, time, over[0], xtol=1e-14))
         self.state = flight.y[:, -1].tolist()
         if flight.t_events[1].size:
             self.state[0] = block.cutoff

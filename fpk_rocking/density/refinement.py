@@ -75,7 +75,9 @@ def estimate_errors(solutions: list[Any], finer: int) -> Refined:
     if len(solutions) == SOLUTIONS - 1:
         quantity, bins = (0.0, 2.0 * quantity[0]), (bins[0], bins[0])
     bins_error = max(bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
-    return Refined(solutions, fine.error(safe_difference(quantity), bins[-1]), bins_error, finer)
+    error = fine.error(safe_difference(quantity), bins[-1])
+    # A probability that survival lacks is one that the bins lack, even where no row has a density to compare.
+    return Refined(solutions, error, max(error, bins_error), finer)
 
 
 def safe_difference(distances: tuple[float, ...]) -> float:

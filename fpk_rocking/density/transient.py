@@ -159,7 +159,7 @@ class TransientPropagator(Propagator):
             near = startup.mass_within(since, TUNING.rest_angle, TUNING.rest_velocity) if sticks else 0.0
             return near > TUNING.settled_part
 
-        step = takeover_step(startup, self.space, after[: np.searchsorted(after, startup.longest) + 1], settled)
+        step = takeover_step(startup, self.space, after, settled)
         # Of what was lifted off later only a part of the density is as narrow.
         resolved = origin > 0.0 or startup.resolution(after[step], self.space) >= TUNING.barely_resolved
         return ReInjection(startup, origin, origin + after[step], mass, resolved or settled(after[step]))
