@@ -21,6 +21,9 @@ from fpk_rocking.results.trust import Diagnostic
 from fpk_rocking.scene.parts import Start
 from fpk_rocking.scene.scene import Scene
 
+PARTED = 0.25
+"""Error (L1) of bins that part the region of rest, over the mass in it: .22 is the largest of 24 random scenes."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Evolution(SurvivalResult):
@@ -174,7 +177,19 @@ class Evolution(SurvivalResult):
     def remarks(self) -> tuple[str, ...]:
         """Sentences: about the scene, the noise and its check, and what is not to be trusted."""
         check = check_remarks(self) if self.replacement else ()
-        return tuple(dict.fromkeys(filter(None, (*super().remarks, self.unjudged, self.below_zero, *check))))
+        own = self.unjudged, self.parted, self.below_zero
+        return tuple(dict.fromkeys(filter(None, (*super().remarks, *own, *check))))
+
+    @property
+    def parted(self) -> str:
+        """How far bins may be off that part the region of rest, as a sentence; empty within the error of the bins."""
+        off = PARTED * float(self.at_rest[1:].max(initial=0.0))
+        if self.rests_exactly or math.isinf(self.bins_tol) or off <= self.bins_error_estimate:
+            return ""
+        return (
+            f"Bins with an edge at angle 0 or velocity 0 may be off by {off:.2g} in all (L1): on which side, and in "
+            "which direction, a block at rest rattles is not resolved. Bins that hold rest whole are not affected."
+        )
 
     @property
     def below_zero(self) -> str:

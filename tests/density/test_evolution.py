@@ -227,6 +227,19 @@ def test_rows_whose_density_is_not_judged_are_told(band, rows, where, verdict):
     assert survival_alone.trust.verdict == "ok"
 
 
+def test_bins_that_part_blocks_at_rest_are_told(band):
+    """A quarter of the largest share at rest, where that is above the stated error of the bins."""
+    settings = band.settings | {"bins_tol": 1.0}
+    rests = dataclasses.replace(band, at_rest=np.array([1.0, 0.2, 0.1]), bins_error_estimate=0.01, settings=settings)
+    assert [text for text in remarks(rests) if "may be off by 0.05 in all (L1)" in text] == [rests.parted]
+    for change in (
+        {"bins_error_estimate": 0.051},
+        {"rests_exactly": True},
+        {"settings": settings | {"bins_tol": math.inf}},
+    ):
+        assert dataclasses.replace(rests, **change).parted == ""
+
+
 def test_a_replacement_that_was_checked_is_saved_and_tabulated(band, tmp_path):
     density = checked(band, realizations=500)
     density.save(tmp_path / "checked.npz")

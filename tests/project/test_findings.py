@@ -1,4 +1,4 @@
-"""Scripts of `findings/`: their form, and the page that lists them. Running them takes the network, and is done by hand."""
+"""Scripts of `findings/`: their form, and the page that lists them. They are run by hand."""
 
 import pathlib
 import re
