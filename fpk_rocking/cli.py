@@ -24,6 +24,7 @@ from fpk_rocking.options import (
     numbers,
     passed,
     rows_of,
+    samples_of,
     scene_of,
     scenes_at_scales,
     shaken_scenes,
@@ -38,10 +39,15 @@ def main(arguments=None) -> int:
         with console.terminable(), console.insistent(), console.plain_warnings(options.command):
             if options.out:
                 console.check_folder("--out", options.out)
-            if options.report:
-                console.check_folder("--report", options.report.parent)
-                if options.report.is_dir():
-                    raise ValueError(f"--report: got the folder {str(options.report)!r}, accepted: a file to write")
+            for name, file in (("--report", options.report), ("--movie", options.movie)):
+                if file:
+                    console.check_folder(name, file.parent)
+                    if file.is_dir():
+                        raise ValueError(f"{name}: got the folder {str(file)!r}, accepted: a file to write")
+            if options.movie:
+                from fpk_rocking.results.movie import movie_writer
+
+                movie_writer(options.movie, name="--movie")
             if options.checkpoint and not options.tally:
                 raise ValueError(f"--checkpoint: got {str(options.checkpoint)!r}, accepted: together with --tally")
             options.run(options)
@@ -64,7 +70,7 @@ def command_line() -> argparse.ArgumentParser:
     parser = Parser("fpk-rocking", description=DESCRIPTION, epilog=EXAMPLES, formatter_class=layout)
     parser.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     # What every command is asked for, whether it has the option or not.
-    parser.set_defaults(**dict.fromkeys(("out", "report", "checkpoint", "store", "records", "synthetic")))
+    parser.set_defaults(**dict.fromkeys(("out", "report", "movie", "checkpoint", "store", "records", "synthetic")))
     commands, arguments = parser.add_subparsers(dest="command", required=True, metavar="COMMAND"), arguments_by_name()
 
     def command(name, run, does, more="", options="", files=""):
@@ -83,9 +89,10 @@ def command_line() -> argparse.ArgumentParser:
     command("probability", _probability, does, "Takes the engine that gets there soonest.", wanted, files)
     does = "probability density by finite elements (Fokker-Planck equation)"
     files = "result.npz, summary.json and a VTK series jpdf.pvd"
-    command("fpk", _fpk, does, printed, f"scene {rows} {DENSITY}", files)
+    within = "--samples-per-cycle --movie"
+    command("fpk", _fpk, does, printed, f"scene {rows} {within} {DENSITY}", files)
     does = "Monte Carlo simulation of many realizations"
-    command("mc", _mc, does, printed, f"scene {rows} {SAMPLE}", "result.npz and summary.json")
+    command("mc", _mc, does, printed, f"scene {rows} {within} {SAMPLE}", "result.npz and summary.json")
     does = "both engines on one scene, or two saved results, side by side"
     files = "summary.json, survival.png and, of a scene, density.npz and ensemble.npz"
     command("compare", _compare, does, printed, f"inputs {rows} {DENSITY} {SAMPLE}", files)
@@ -130,19 +137,28 @@ def _fpk(options):
     from fpk_rocking.compare import shown_cycles
     from fpk_rocking.output import tables, vtk
 
-    density = _checked(options, _solved(options, scene_of(options, options.scene)))
+    scene = scene_of(options, options.scene)
+    density = _checked(options, _solved(options, scene, **samples_of(options, scene)))
     if options.out:
         density.save(options.out / "result.npz")
-        vtk.write_series(options.out, "jpdf", density, sorted({0, *shown_cycles(len(density.times) - 1)}))
+        whole = sorted({0, *shown_cycles((len(density.times) - 1) // density.samples_per_cycle)})
+        vtk.write_series(options.out, "jpdf", density, None if options.samples_per_cycle else whole)
+    _animate(options, density)
     _hand_over(options, density, density.summary(), tables.result_table(density), [density])
 
 
 def _mc(options):
     from fpk_rocking.output import tables
 
-    sample = _simulated(options, scene_of(options, options.scene))
+    scene = scene_of(options, options.scene)
+    samples = passed(options, "samples_per_cycle") if options.tally else samples_of(options, scene)
+    if options.tally and samples:
+        accepted = "nothing beside --tally, which counts after whole cycles"
+        raise ValueError(f"--samples-per-cycle: got {options.samples_per_cycle}, accepted: {accepted}")
+    sample = _simulated(options, scene, **samples)
     if options.out:
         sample.save(options.out / "result.npz")
+    _animate(options, sample)
     _hand_over(options, sample, sample.summary(), tables.result_table(sample), [sample])
 
 
@@ -305,14 +321,23 @@ def warmup_compilations():
     return [FREE_FLIGHT, *(table[kind] for table in (DENSITY, REST) for kind in kinds), *sorted(paths), OPERATOR]
 
 
-def _solved(options, scene):
+def _animate(options, result):
+    """Write the movie of a result, if one is asked for."""
+    from fpk_rocking.output.tables import reporting
+
+    if options.movie:
+        with reporting("movie") as progress:
+            result.animate(options.movie, progress=progress)
+
+
+def _solved(options, scene, **samples):
     """Return the density of a scene."""
     from fpk_rocking.base import precompilation
     from fpk_rocking.density import solve_fpk
     from fpk_rocking.output.tables import reporting
     from fpk_rocking.studies import tasks
 
-    own = rows_of(options, scene) | passed(options, "tol", "bins_tol", "noise_replacement")
+    own = rows_of(options, scene) | samples | passed(options, "tol", "bins_tol", "noise_replacement")
     for kernels in () if options.no_check else tasks.kernels_of_check(scene):
         precompilation.queue_for_helpers(kernels)
     with reporting("density") as progress:
@@ -330,7 +355,7 @@ def _checked(options, density, beside=None):
         return tasks.checked(density, beside=beside, progress=progress)
 
 
-def _simulated(options, scene):
+def _simulated(options, scene, **samples):
     """Return an `Ensemble` of a scene or, with --tally, a `Tally`."""
     from fpk_rocking.output.tables import reporting
     from montecarlo import simulate, tally
@@ -340,7 +365,7 @@ def _simulated(options, scene):
     if options.method == "filtered":
         scene = scene.filtered_equivalent()
     own = {} if scene.deterministic else {"realizations": 10_000}
-    own |= rows_of(options, scene)
+    own |= rows_of(options, scene) | samples
     own |= passed(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")
     with reporting("Monte Carlo") as progress:
         return (tally if options.tally else simulate)(scene, progress=progress, **own)

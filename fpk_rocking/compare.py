@@ -13,6 +13,7 @@ import numpy as np
 
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
+from fpk_rocking.base.checks import Array
 from fpk_rocking.results import sampling
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Result
@@ -109,6 +110,11 @@ class Comparison(Result):
         return f"{self.names[0]} against {self.names[1]}, survival differs by up to {self.difference[most]:+.2g} ({at})"
 
     @property
+    def row_values(self) -> Array:
+        """Rows as the `row_label` of the first result counts them, (n+1,)."""
+        return self.cycles if self.periodic else self.results[0].row_values[: self.cycles.size]
+
+    @property
     def metadata(self) -> dict[str, Any]:
         """Plain values by name: "largest difference of survival", "largest l1", "realizations of the first", ..."""
         figures = {"largest difference of survival": float(np.abs(self.difference).max())}
@@ -150,7 +156,8 @@ class Comparison(Result):
         allowances = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(self.standard_error.any())
         allowances += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
         rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(allowances) or 'no error is stated'}"
-        at = f"{'' if self.periodic else 'at '}{self.results[0].when(row)}"
+        first = self.results[0]
+        at = f"{'' if self.periodic else 'at '}{first.when(first.row_of(row))}"
         sentence = f"Survival differs by {apart[row]:.2g} {at}"
         if self.standard_error[row] > 0.0:
             sentence += f" ({apart[row] / self.standard_error[row]:.1f} standard errors)"
@@ -188,7 +195,7 @@ class Comparison(Result):
         """Draw survival of both results, and their difference with 95 % intervals; returns a matplotlib figure."""
         from fpk_rocking.results.pictures import figure_of, survival_panel
 
-        times = self.results[0].row_values[: self.cycles.size]
+        times = self.row_values
 
         def difference(_, axes):
             axes.axhline(0.0, color="black", linewidth=0.8)
@@ -210,7 +217,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     Parameters
     ----------
     first, second : SurvivalResult
-        Their scenes may differ in the noise alone. Cycles that both have are compared.
+        Their scenes may differ in the noise alone. Whole cycles that both have are compared.
     joint_cycles : sequence of int, optional
         For the joint densities; by default those of `shown_cycles`: 1, 2, 4, 10, 20, 40, 60, 100, 200 and the last.
 
@@ -232,18 +239,23 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     """
     for name, result in (("first", first), ("second", second)):
         checks.instance(name, result, SurvivalResult)
-    results, cycles = (first, second), min(len(first.times), len(second.times)) - 1
-    common_rows = slice(0, cycles + 1)
+    results = first, second
+    cycles = min((len(result.times) - 1) // result.samples_per_cycle for result in results)
     _refuse_other_scenes(first.scene, second.scene)
+
+    def rows(result, values):
+        return np.asarray(values)[:: result.samples_per_cycle][: cycles + 1]
+
     # Of whole cycles the fewer are a part of the more.
-    if not np.allclose(first.times[common_rows], second.times[common_rows], rtol=1e-12, atol=0.0):
+    times = rows(first, first.times)
+    if not np.allclose(times, rows(second, second.times), rtol=1e-12, atol=0.0):
         raise ValueError("times: got other times in the second result, accepted: two results for the same times")
     if joint_cycles is None:
         joint_cycles = shown_cycles(cycles)
     else:
         joint_cycles = [checks.count("joint_cycles", cycle, at_least=0, at_most=cycles) for cycle in joint_cycles]
     sizes = [float(_sample_size(result) or math.inf) for result in results]
-    survival = np.stack([np.asarray(result.survival)[common_rows] for result in results], axis=-1)
+    survival = np.stack([rows(result, result.survival) for result in results], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
     common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
     standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
@@ -252,18 +264,18 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     if all(map(math.isinf, sizes)):
         z = np.full(difference.shape, math.nan)
     unknown = np.full((cycles + 1, 2), math.nan)
-    leakage = np.stack([np.diff(np.asarray(result.overturned)[common_rows], axis=0) for result in results], axis=1)
+    leakage = np.stack([np.diff(rows(result, result.overturned), axis=0) for result in results], axis=1)
     edges = joint_edges(first.scene)
     joint = [_bin_distances(results, sizes, cycle, edges) for cycle in joint_cycles]
     columns = np.array(joint, dtype=float).reshape(len(joint), 6)
     return Comparison(
         results=results,
         cycles=np.arange(cycles + 1),
-        times=np.asarray(first.times)[common_rows],
+        times=times,
         periodic=first.cycles is not None,
         survival=survival,
         interval=np.stack(
-            [unknown if result.interval is None else result.interval[common_rows] for result in results], 1
+            [unknown if result.interval is None else rows(result, result.interval) for result in results], 1
         ),
         error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in results]),
         difference=difference,
@@ -310,7 +322,7 @@ def _bin_distances(results, sizes, cycle, edges):
         sampling.l1_floor(common, *sizes),
         sampling.hellinger(*bins),
         sampling.hellinger_floor(common, *sizes),
-        *(result.survival[cycle] - values.sum() for result, values in zip(results, bins, strict=True)),
+        *(result.survival[result.row_of(cycle)] - part.sum() for result, part in zip(results, bins, strict=True)),
     )
 
 

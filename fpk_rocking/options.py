@@ -58,6 +58,10 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its
                         end)
 --out DIR:path          folder for files
+--samples-per-cycle N:int  times in each forcing cycle that results are for (default 1; with --movie 16, fewer of many
+                        cycles); with --out, VTK files of all of them
+--movie FILE:path       movie to write, .gif or .mp4 (needs the program ffmpeg): the density, what has overturned, and
+                        survival, time by time
 --report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
 --json                  print one JSON object instead of a table
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
@@ -225,6 +229,13 @@ def _setting(text):
 def rows_of(options, scene):
     """Cycles or times as keyword argument of the solvers; 40 cycles by default where the scene has any."""
     return passed(options, "cycles", "times") or ({} if scene.period is None else {"cycles": 40})
+
+
+def samples_of(options, scene):
+    """Times in each cycle as keyword argument of the solvers; with a movie so many that it has about 320 frames."""
+    cycles = rows_of(options, scene).get("cycles")
+    frames = {"samples_per_cycle": min(16, max(1, 320 // max(cycles, 1)))} if options.movie and cycles else {}
+    return frames | passed(options, "samples_per_cycle")
 
 
 def passed(options, *names):

@@ -6,7 +6,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
-from fpk_rocking.scene.axes import ascending_edges, joint_edges
+from fpk_rocking.scene.axes import ascending_edges, joint_edges, samples_in_cycle, times_in_cycles
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines.batches import Batch, checked_run, refuse_large, simulate_batches
 from montecarlo.results.counts import LARGEST, add, empty_counts
@@ -24,6 +24,7 @@ def simulate(
     seed: int = 1,
     method: str | None = None,
     steps_per_cycle: int = 200,
+    samples_per_cycle: int | None = None,
     progress: Progress | None = None,
 ) -> Ensemble:
     """Simulate independent realizations of a scene by Monte Carlo.
@@ -54,6 +55,9 @@ def simulate(
         adapted step of "white" is shorter than a cycle over 256 times this number. "filtered" samples the noise at an
         interval proportional to 1/`steps_per_cycle`: at 200 half of 1/(the rate of a low-pass filter), a quarter of
         that of other filters. "exact" takes no steps.
+    samples_per_cycle : int, optional
+        Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
+        Paths of the method "white" depend on it too, though their probabilities do not.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of realizations. An exception that it raises ends the run.
 
@@ -75,8 +79,9 @@ def simulate(
     """
     started = time.perf_counter()
     run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
-    refuse_large(run, instead="; a tally keeps counts alone and has no such limit")
-    shape = (run.realizations, run.rows + 1)
+    samples = samples_in_cycle(scene, samples_per_cycle)
+    refuse_large(run, samples, instead="; a tally keeps counts alone and has no such limit")
+    shape = (run.realizations, run.rows * samples + 1)
     arrays = {
         "angle": np.empty(shape),
         "velocity": np.empty(shape),
@@ -84,14 +89,14 @@ def simulate(
         "overturn_side": np.empty(run.realizations, np.int8),
     }
     returns = np.zeros(2, np.int64)
-    for batch in simulate_batches(run, progress=progress, followed=0):
+    for batch in simulate_batches(run, samples=samples, progress=progress, followed=0):
         returns += batch.returns
         for name, array in arrays.items():
             part = getattr(batch, name)
             array[batch.first : batch.first + len(part)] = part
     return Ensemble(
         scene=run.scene,
-        times=run.times,
+        times=run.times if scene.period is None else times_in_cycles(scene, run.rows, samples),
         method=run.method,
         seed=run.seed,
         steps_per_cycle=run.steps_per_cycle,
@@ -138,14 +143,9 @@ def histories(
     """
     started = time.perf_counter()
     run = checked_run(scene, cycles, realizations, seed, method, steps_per_cycle, progress, times)
-    samples = checks.count("samples_per_cycle", 100 if samples_per_cycle is None else samples_per_cycle)
-    if scene.period is None:
-        if samples_per_cycle is not None:
-            accepted = f"nothing, as a {scene.forcing.kind} has no cycles; use times"
-            raise ValueError(checks.refusal("samples_per_cycle", samples_per_cycle, accepted))
-        samples = 1
-        if times is None:
-            run = run._replace(times=np.linspace(0.0, run.times[-1], 1001))
+    samples = samples_in_cycle(scene, samples_per_cycle, default=1 if scene.period is None else 100)
+    if scene.period is None and times is None:
+        run = run._replace(times=np.linspace(0.0, run.times[-1], 1001))
     refuse_large(run, samples + TUNING.impacts_per_cycle)
     parts = [(batch[1:5], impacts_of(batch)) for batch in _batches_with_all_impacts(run, samples, progress)]
     states, impacts = (map(np.concatenate, zip(*rows, strict=True)) for rows in zip(*parts, strict=True))
@@ -156,7 +156,7 @@ def histories(
         run.steps_per_cycle,
         time.perf_counter() - started,
         samples,
-        run.times if scene.period is None else scene.period * (np.arange(run.rows * samples + 1) / samples),
+        run.times if scene.period is None else times_in_cycles(scene, run.rows, samples),
         *states,
         *impacts,
     )

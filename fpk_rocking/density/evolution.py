@@ -29,7 +29,7 @@ PARTED = 0.25
 class Evolution(SurvivalResult):
     """The joint density of angle and velocity over time, the result of `solve_fpk`; all quantities are nondimensional.
 
-    Row k of an array is for ``times[k]``: k forcing cycles, if the forcing repeats. A parameter ``cycle`` is such a k.
+    Rows and the parameter ``cycle`` are those of `SurvivalResult`.
 
     Attributes
     ----------
@@ -40,14 +40,14 @@ class Evolution(SurvivalResult):
         Which noise replaced the band noise, as a sentence; empty where none was replaced.
     tol, wall_s : float
         Wanted error of survival, and seconds of the call.
-    times, survival : ndarray, shape (cycles + 1,)
+    times, survival : ndarray, shape (rows,)
         Times from 0 on, and probability of not having overturned.
-    overturned : ndarray, shape (cycles + 1, 2)
+    overturned : ndarray, shape (rows, 2)
         Probability of having overturned to the left and to the right.
-    truncated : ndarray, shape (cycles + 1,)
+    truncated : ndarray, shape (rows,)
         Probability truncated by the mesh, ``1 - survival`` less the sum of `overturned`: blocks faster than its largest
         velocity, or in cells that it does not follow. `error_estimate` is no less.
-    at_rest : ndarray, shape (cycles + 1,)
+    at_rest : ndarray, shape (rows,)
         Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
         the density does not contain them. Under white noise they rattle, and this is the density's part within
         |x| < .005 and |v| < .1. The mesh resolves that region as a whole; `bins_error_estimate` counts it as one bin.
@@ -61,11 +61,11 @@ class Evolution(SurvivalResult):
     mass_defect : float
         Largest |survival + overturned + truncated - 1|: 0 but for rounding.
     negative_mass, moving_negative_mass : float
-        Largest integral of max(-p, 0) of the density p after 1 cycle or more, on the plane and without the region of
-        rest (`at_rest`). Solver and verdict judge by the second.
+        Largest integral of max(-p, 0) of the density p, once the mesh resolves it, on the plane and without the region
+        of rest (`at_rest`). Solver and verdict judge by the second.
     settings : dict
         Mesh, polynomial degree, quadrature and time steps.
-    coefficients : ndarray, shape (cycles + 1, angle cells, velocity cells, degree + 1, degree + 1)
+    coefficients : ndarray, shape (rows, angle cells, velocity cells, degree + 1, degree + 1)
         Of the densities that `at` returns; zero in row 0 where the start is a point.
     angle_lines, velocity_lines : ndarray
         Lines of their mesh.
@@ -253,12 +253,12 @@ class Evolution(SurvivalResult):
         names = "survival_replacement", "survival_replacement_error", "survival_total_error"
         return super().derived() | {name: ("time", values[:, 0]) for name, values in zip(names, added, strict=True)}
 
-    def at(self, cycle: int) -> Density:
+    def at(self, cycle: float) -> Density:
         """Return the density after a number of cycles; under filtered noise, that of the blocks that move.
 
         Parameters
         ----------
-        cycle : int
+        cycle : int or float
             From 0 to ``cycles``.
 
         Raises
@@ -266,10 +266,11 @@ class Evolution(SurvivalResult):
         TypeError, ValueError
             There is no such cycle, or it is 0 and the start is a point, which has no density.
         """
-        checks.count("cycle", cycle, at_least=0, at_most=len(self.times) - 1)
-        if cycle == 0 and self.scene.start.covariance is None:
-            raise ValueError("cycle: got 0, accepted: 1 or later; this start is a point, which has no density")
-        return Density(self.space, self.coefficients[cycle])
+        row = self.row_of(cycle)
+        if row == 0 and self.scene.start.covariance is None:
+            later = f"{self.cycle_of(1):.6g} or later"
+            raise ValueError(f"cycle: got 0, accepted: {later}; this start is a point, which has no density")
+        return Density(self.space, self.coefficients[row])
 
     def _binned(self, row, edges):
         """Return probabilities (angle bins, velocity bins) at a row: of a point start, or of density and rest."""

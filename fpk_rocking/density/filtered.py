@@ -53,8 +53,8 @@ class FilteredPropagator(CyclicPropagator):
         if coarse:
             self._follow(coarse)
         self.durations = np.diff(self.step_begins)
-        self._transitions, self._lifted = {}, {}
-        self.steps = [self._steps_at_nodes(k) for k in range(len(self.durations))]
+        self._transitions, self._lifted, self._parts = {}, {}, {}
+        self.steps = [self._steps_at_nodes(k, duration) for k, duration in enumerate(self.durations)]
 
     def _follow(self, coarse):
         """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then."""
@@ -68,9 +68,9 @@ class FilteredPropagator(CyclicPropagator):
         """Return the `Dynamics` of a block under the forcing plus a `constant` force, nondimensional, without noise."""
         return Dynamics(periodic(self.scene.forcing).with_constant(constant), 0.0, block_of_scene(self.scene))
 
-    def _steps_at_nodes(self, k):
-        """Return a list of the `Step` with number k of the symmetry period at each node of y1."""
-        begin, duration, space = self.step_begins[k], self.durations[k], self.space
+    def _steps_at_nodes(self, k, duration):
+        """Return a list of the `Step` of a `duration` from begin k of the symmetry period at each node of y1."""
+        begin, space = self.step_begins[k], self.space
         points = self.discretization.points
         rule, factor = Quadrature(points, points, 1, 1, 1), self.nodes.piecewise_constant_factor(duration)
         each = [self._dynamics(factor * value) for value in self.nodes.values]
@@ -128,21 +128,37 @@ class FilteredPropagator(CyclicPropagator):
         density, outflow = begin.project(begins[first], self.space)
         return PeriodicState(first, begins[first], density, outflow, at_rest=np.zeros(shape), first=True)
 
-    def _apply(self, k, state):
-        """Return (density, outflow, masses at rest) of a `PeriodicState` after step k of the symmetry period."""
-        before = 0.0 if state.first else self.durations[k - 1]
-        matrix = self._transition(0.5 * (self.durations[k] + before))
+    def early_state(self, start: Start, time: float) -> PeriodicState:
+        """Return the `PeriodicState` at a `time` before the mesh takes the start over; it is narrower than cells."""
+        begin = FilteredStart(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
+        density, outflow = begin.project(time, self.space)
+        return PeriodicState(0, time, density, outflow, at_rest=np.zeros(self.nodes.weights.shape))
+
+    def _apply(self, k, state, duration=None):
+        """Return (density, outflow, masses at rest) of a `PeriodicState` after step k, or a `duration` of it."""
+        number, before = k, 0.0 if state.first else self.durations[k - 1]
+        if duration is None:
+            duration = self.durations[k]
+        else:  # such parts are kept behind the steps
+            number = self._parts.setdefault((k, round(duration / self.durations[k], 9)), len(self.steps))
+            if number == len(self.steps):
+                self.steps.append(self._steps_at_nodes(k, duration))
+        matrix = self._transition(0.5 * (duration + before))
         density = (matrix @ state.density.reshape(len(matrix), -1)).reshape(state.density.shape)
         at_rest = (matrix @ state.at_rest.ravel()).reshape(state.at_rest.shape)
-        return density, self._move(k, density, at_rest), at_rest
+        return density, self._move(k, density, at_rest, number), at_rest
 
-    def _move(self, k, density, at_rest):
-        """Move densities and masses at rest, in place, by step k; return the outflow (3,), left, right, truncated."""
-        self._activate(k, density)
+    def _move(self, k, density, at_rest, number=None):
+        """Move densities and masses at rest, in place, by step k, or the part of it with a number; return outflow (3,).
+
+        The outflow is that to the left, to the right, and what is truncated.
+        """
+        number = k if number is None else number
+        self._activate(k, number, density)
         outflow = np.zeros(3)
-        for a, step in enumerate(self.steps[k]):
+        for a, step in enumerate(self.steps[number]):
             lifted = at_rest[a].copy()
-            unit = self._lifted_off(k, a)
+            unit = self._lifted_off(number, a)
             at_rest[a] *= unit is None
             for b in range(at_rest.shape[1]):
                 density[a, b], masses = step.apply(density[a, b])
@@ -154,27 +170,27 @@ class FilteredPropagator(CyclicPropagator):
                 outflow += lifted.sum() * beyond
         return outflow
 
-    def _lifted_off(self, k, a):
-        """What a mass of 1 at rest becomes in step k at node a of y1, None where it stays; kept for all cycles."""
-        if (k, a) not in self._lifted:
-            x, v, side = self._from_rest(self.steps[k][a].characteristics)
+    def _lifted_off(self, number, a):
+        """What a mass of 1 at rest becomes in a step at node a of y1, None where it stays; kept for all cycles."""
+        if (number, a) not in self._lifted:
+            x, v, side = self._from_rest(self.steps[number][a].characteristics)
             unit = np.zeros(self.space.shape)
             outflow = deposit_points(self.space, np.array([[x, v]]), np.ones(1), side, unit)
             cells = np.nonzero(unit.any(axis=(2, 3)))
-            self._lifted[k, a] = (cells, unit[cells], outflow) if side else None
-        return self._lifted[k, a]
+            self._lifted[number, a] = (cells, unit[cells], outflow) if side else None
+        return self._lifted[number, a]
 
     def _from_rest(self, characteristics):
         """Return (x, v, side), at the end of a step, of a block that is at rest at its begin; side ±1, or 0 at rest."""
         segment = characteristics.dynamics.segment(characteristics.start, characteristics.duration)
         return advance_from_rest(segment, characteristics.duration, characteristics.dynamics.block)
 
-    def _activate(self, k, density):
-        """Activate in step k the cells with more than a negligible mass at one of the nodes that share them."""
+    def _activate(self, k, number, density):
+        """Activate the cells with more than a negligible mass in step k, at one of the nodes that share them."""
         size = len(density) // self.active.shape[1]
         for group, cells in enumerate(self.active[k]):
             nodes, beyond = slice(group * size, (group + 1) * size), False
-            steps = self.steps[k][nodes]
+            steps = self.steps[number][nodes]
             for part in density[nodes].reshape(-1, *self.space.shape):
                 beyond |= mark_massive_cells(
                     part, self.space.areas, self.negligible, steps[0].characteristics.active, cells
@@ -188,7 +204,7 @@ class FilteredPropagator(CyclicPropagator):
         """Return density, outflow and mass at rest of a state, summed over all nodes."""
         marginal = state.density.sum(axis=(0, 1))
         density = reflected(marginal) if state.reflected else marginal
-        return density, state.outflow, not_none(state.at_rest).sum(), True
+        return density, state.outflow, not_none(state.at_rest).sum(), self.is_resolved(state)
 
 
 @kernel

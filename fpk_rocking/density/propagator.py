@@ -119,12 +119,25 @@ class Propagator(abc.ABC):
     def density_of(self, state: Any) -> tuple[Array, Array, float, bool]:
         """Return (coefficients, outflow, mass at rest, whether the mesh resolves the density) of a state."""
 
+    def early_state(self, start: Start, time: float) -> Any:
+        """Return the state at a `time` before the first state that the mesh resolves; its density is not resolved."""
+        raise NotImplementedError
+
+    def state_between(self, state: Any, time: float) -> Any:  # noqa: ARG002  (`advance` stops at each wanted time)
+        """Return the state at a `time` within the step after a `state`, from which nothing goes on; else None."""
+        return None
+
     def states(self, times: Array, start: Start) -> Iterator[Any]:
-        """Yield the first state that the mesh resolves and the state after every step, to the last of the times."""
+        """Yield the states at each of the times and after every step, in order, to the last of the times."""
         state = self.initial_state(start, times)
+        yield from (self.early_state(start, time) for time in times[1:] if time < state.time * (1.0 - 1e-12))
         yield state
         for time in times[1:]:
             while not _reached(state, time):
+                between = self.state_between(state, time)
+                if between:
+                    yield between
+                    break
                 state = self.advance(state, time)
                 yield state
 
@@ -197,17 +210,35 @@ class CyclicPropagator(Propagator):
         """Two numbers: that of the last step that begins by a `time`, and of one that begins after it or then."""
 
     @abc.abstractmethod
-    def _apply(self, k, state):
-        """Return (density, outflow, at rest) of a `PeriodicState` after step k of the symmetry period."""
+    def _apply(self, k, state, duration=None):
+        """Return (density, outflow, at rest) of a `PeriodicState` after step k, or a `duration` of it.
+
+        Numbers of steps count in the symmetry period.
+        """
 
     def advance(self, state: PeriodicState, latest: float) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
         """Return the `PeriodicState` after the next step; `latest` is not used."""
+        moved = self._moved(state)
+        return moved._replace(step=state.step + 1, time=self.time_of(state.step + 1))
+
+    def state_between(self, state: PeriodicState, time: float) -> PeriodicState | None:
+        """Return the `PeriodicState` at a `time` within the next step, from which nothing goes on; else None."""
+        if time >= self.time_of(state.step + 1) * (1.0 - 1e-12):
+            return None
+        return self._moved(state, time - state.time)._replace(time=time)
+
+    def is_resolved(self, state: PeriodicState) -> bool:
+        """Whether the density is judged: in the first cycle, in which it may be too narrow for the mesh, it is not."""
+        return state.time >= not_none(self.scene.period) * (1.0 - 1e-12)
+
+    def _moved(self, state, duration=None):
+        """Return a `PeriodicState`, with the old step and time, after the next step or a `duration` of it."""
         k = state.step % len(self.active)
         if (state.step % self.steps_per_cycle != k) != state.reflected:
             state = state.mirror_image()
-        density, outflow, at_rest = self._apply(k, state)
+        density, outflow, at_rest = self._apply(k, state, duration)
         outflow = state.outflow + (outflow[[1, 0, 2]] if state.reflected else outflow)
-        return PeriodicState(state.step + 1, self.time_of(state.step + 1), density, outflow, state.reflected, at_rest)
+        return state._replace(density=density, outflow=outflow, at_rest=at_rest, first=False)
 
     def time_of(self, step: int) -> float:
         """Return the nondimensional time τ at which a step begins, by its number from τ = 0 on."""
@@ -223,25 +254,24 @@ class PeriodicPropagator(CyclicPropagator):
         count = discretization.steps // periods_per_cycle(scene)
         step_begins = np.arange(count + 1) * self.duration
         super().__init__(scene, discretization, discretization, negligible, step_begins, coarse)
-        self.steps = [self._step(begin) for begin in step_begins[:-1].tolist()]
+        self.steps = [self._step(begin, self.duration) for begin in step_begins[:-1].tolist()]
+        self._parts: dict[tuple[int, float], Any] = {}
         # What a start leaves on patches does not depend on the mesh.
         same = coarse and coarse.discretization.patches == discretization.patches
         self._startups = coarse._startups if same else {}
 
-    def _step(self, begin):
-        """Return a `Step` from a time `begin` on, or a `ContactStep`, without active cells."""
+    def _step(self, begin, duration):
+        """Return a `Step` of a `duration` from a time `begin` on, or a `ContactStep`, without active cells."""
         rule, parts = self.discretization.quadrature, self.discretization.contact_parts
         if parts > 1:
-            return ContactStep(
-                self.space, begin, self.duration, self.dynamics, rule, parts, self.negligible, self.buffers
-            )
-        characteristics = Characteristics(self.space, begin, self.duration, self.dynamics, rule, cells=False)
+            return ContactStep(self.space, begin, duration, self.dynamics, rule, parts, self.negligible, self.buffers)
+        characteristics = Characteristics(self.space, begin, duration, self.dynamics, rule, cells=False)
         return Step(characteristics, self.space, self.buffers)
 
     @property
     def memory(self) -> float:
         """Bytes that the steps take, an int."""
-        return self.buffers.nbytes + sum(step.nbytes for step in self.steps)
+        return self.buffers.nbytes + sum(step.nbytes for step in (*self.steps, *self._parts.values()))
 
     def _steps_about(self, time):
         """Return two numbers: of the last step that begins by a `time`, and of one that begins after it or then."""
@@ -250,21 +280,35 @@ class PeriodicPropagator(CyclicPropagator):
 
     def initial_state(self, start: Start, times: Array) -> PeriodicState:  # noqa: ARG002  (as of other kinds)
         """Return the `PeriodicState` at the end of the step at which the mesh takes the start over, for any `times`."""
-        if start not in self._startups:
-            patches = self.discretization.patches
-            self._startups[start] = StartUp(self.dynamics, start, patches, self.scene.period)
-        startup = self._startups[start]
+        startup = self._startup(start)
         first = takeover_step(startup, self.space, np.arange(self.steps_per_cycle + 1) * self.duration)
         time = first * self.duration
         return PeriodicState(first, self.time_of(first), *startup.project(time, self.space))
 
-    def _apply(self, k, state):
+    def early_state(self, start: Start, time: float) -> PeriodicState:
+        """Return the `PeriodicState` at a `time` before the mesh takes the start over; it is narrower than cells."""
+        return PeriodicState(0, time, *self._startup(start).project(time, self.space))
+
+    def _startup(self, start):
+        """Return the `StartUp` of a start, which is kept."""
+        if start not in self._startups:
+            patches = self.discretization.patches
+            self._startups[start] = StartUp(self.dynamics, start, patches, self.scene.period)
+        return self._startups[start]
+
+    def _apply(self, k, state, duration=None):
         """Return (density, outflow, None) of a `PeriodicState` after step k: shapes ``space.shape`` and (3,)."""
         step = self.steps[k]
+        if duration is not None:
+            key = k, round(duration / self.duration, 9)
+            if key not in self._parts:
+                self._parts[key] = self._step(self.step_begins[k], duration)
+            step = self._parts[key]
         if mark_massive_cells(state.density, self.space.areas, self.negligible, step.active, self.active[k]):
             step.activate(with_neighbours(self.active[k]))
         return *step.apply(state.density), None
 
     def density_of(self, state: PeriodicState) -> tuple[Array, Array, float, bool]:
         """Return density and outflow of a state, reflected back if it is a mirror image; nothing rests."""
-        return reflected(state.density) if state.reflected else state.density, state.outflow, 0.0, True
+        density = reflected(state.density) if state.reflected else state.density
+        return density, state.outflow, 0.0, self.is_resolved(state)

@@ -75,7 +75,8 @@ def _exploratory_steps(white, dynamics, times):
     """Yield (segment, duration, diffusion, axes) of each step of the exploratory paths: forcing, length and noise."""
     longest = min(TUNING.exploratory_step, white.forcing.shortest_period / 6.0)
     if white.repeats:
-        steps, cycles = math.ceil(white.period / longest - 1e-9), min(len(times) - 1, TUNING.exploratory_cycles)
+        steps = math.ceil(white.period / longest - 1e-9)
+        cycles = min(round(times[-1] / white.period), TUNING.exploratory_cycles)
         cycle = [_exploratory_step(dynamics, k * white.period / steps, white.period / steps) for k in range(steps)]
         yield from cycle * cycles
         return

@@ -47,6 +47,7 @@ def solve_fpk(
     *,
     cycles: int | None = None,
     times: ArrayLike | None = None,
+    samples_per_cycle: int | None = None,
     tol: float | None = None,
     bins_tol: float | None = None,
     noise_replacement: str = "white",
@@ -68,6 +69,8 @@ def solve_fpk(
         Required where the forcing repeats, refused where it does not.
     times : array_like, optional
         For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
+    samples_per_cycle : int, optional
+        Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
     tol : float, optional
         Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat.
     bins_tol : float, optional
@@ -102,7 +105,7 @@ def solve_fpk(
     """
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
-    times = result_times(scene, cycles, times)
+    times = result_times(scene, cycles, times, samples_per_cycle)
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
     replaced = _with_noise_replaced(scene, noise_replacement)
     advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"

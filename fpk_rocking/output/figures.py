@@ -65,8 +65,8 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
             _draw_survival(panels["survival"], result, label, colour, marker)
             _draw_survival(panels["tail"], result, label, colour, marker)
             _draw_leakage(panels["leakage"], result, colour, marker)
-        for place, (result, comparison) in enumerate(zip(results[1:], compared, strict=True), start=1):
-            _draw_difference(panels["difference"], comparison, result.row_values, place)
+        for place, comparison in enumerate(compared, start=1):
+            _draw_difference(panels["difference"], comparison, place)
         _label_panels(panels, results[0].engine, results[0].row_label)
         handles, names = panels["survival"].get_legend_handles_labels()
         figure.legend(handles, names, loc="upper center", bbox_to_anchor=(0.5, 1.0 - 0.36 / height), ncols=1)
@@ -106,10 +106,10 @@ def _draw_survival(axes, result, label, colour, marker):
     pictures.error_bars(axes, cycles, survival, result.interval, **look)
 
 
-def _draw_difference(axes, comparison, times, place):
+def _draw_difference(axes, comparison, place):
     """Draw survival of the `place`-th result less that of the first with 95 % intervals, set off by its number."""
     bars = 1.96 * comparison.standard_error
-    times = times[: len(comparison.difference)]
+    times = comparison.row_values
     beside = times + 0.3 * (place - 1) * times[1]
     axes.errorbar(beside, comparison.difference, bars, color=pictures.COLOURS[place], **_open_markers(_MARKERS[place]))
 
@@ -142,7 +142,7 @@ _PIECES = 4
 """Points of a surface in the width of a bin."""
 
 
-def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> pathlib.Path:
+def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequence[float], title: str) -> pathlib.Path:
     """Draw joint densities as surfaces, one panel for each cycle, with walls for what overturned; return the path.
 
     A surface has the height of the probability in a bin around the point divided by its area, for all engines alike;
@@ -233,11 +233,12 @@ def _draw_surface(axes, result, cycle, surface, highest):
         # The root brings out the low parts, which hold most of the probability.
         colours = {"cmap": pictures.SURFACE, "norm": PowerNorm(0.5, 0.0, highest)}
         axes.plot_surface(*surface, **colours, rstride=1, cstride=1, linewidth=0.0)
-    for probability, x in zip(result.overturned[cycle], (-cut_off, cut_off), strict=True):
+    row = result.row_of(cycle)
+    for probability, x in zip(result.overturned[row], (-cut_off, cut_off), strict=True):
         # The figure stands where no tick of the axes does: on the left wall in front, on the right wall half way.
         _draw_wall(axes, x, bound, probability * highest, f"{probability:z.3f}", -bound if x < 0.0 else -0.2 * bound)
-    when = "start" if cycle == 0 else f"{cycle} cycle{'s' if cycle > 1 else ''}"
-    axes.set_title(f"{when}: survival {result.survival[cycle]:.3f}", y=0.93, pad=0)
+    when = "start" if row == 0 else result.when(row).removeprefix("after ")
+    axes.set_title(f"{when}: survival {result.survival[row]:.3f}", y=0.93, pad=0)
     axes.set_xlabel("angle Θ", labelpad=-6)
     axes.set_ylabel("velocity dΘ/dτ", labelpad=-5)
     axes.set_zlabel("density", labelpad=-7)
@@ -275,7 +276,7 @@ def _surface_notes(results, columns):
     return textwrap.wrap(text, 50 * columns)
 
 
-def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[int], title: str) -> None:
+def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[float], title: str) -> None:
     """Draw joint densities as colour maps of the phase plane, with one colour scale for each cycle.
 
     A map shows the probability in each bin divided by its area, over velocities that hold all but 1e-4 of it.
@@ -327,9 +328,10 @@ def _inner_velocities(edges, masses):
 
 def _heading(result, cycle):
     """Time, survival and overturned probabilities of a row, as a text of two lines."""
-    left, right = np.asarray(result.overturned)[cycle]
-    when = f"{cycle} cycle{'s' if cycle > 1 else ''}"
-    return f"{when}: survival {result.survival[cycle]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
+    row = result.row_of(cycle)
+    left, right = np.asarray(result.overturned)[row]
+    when = result.when(row).removeprefix("after ")
+    return f"{when}: survival {result.survival[row]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
 
 
 def _map_notes(results):

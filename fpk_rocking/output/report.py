@@ -143,9 +143,10 @@ def _film(results):
 
     rows = min(len(result.times) for result in results)
     rows = np.unique(np.linspace(0, rows - 1, min(rows, _FRAMES)).astype(int)).tolist()
-    edges = edges_of(results, rows)
+    cycles = [results[0].cycle_of(row) for row in rows]
+    edges = edges_of(results, cycles)
     areas = np.multiply.outer(*map(np.diff, edges))
-    densities = [[result.bin_probabilities(row, *edges) / areas for row in rows] for result in results]
+    densities = [[result.bin_probabilities(cycle, *edges) / areas for cycle in cycles] for result in results]
     densities = np.maximum(densities, 0.0)
     units = plane_units(results[0].scene)
     most = densities.max(axis=(0, 2, 3))

@@ -1,4 +1,4 @@
-"""Joint densities as a VTK time series: one .vtu file a cycle and a .pvd file that lists them by time.
+"""Joint densities as a VTK time series: one .vtu file a row and a .pvd file that lists them by time.
 
 Every file has, for points and cells, ``density`` (per unit angle and velocity; of a cell, its mean) and, for cells,
 ``probability`` (their sum is the survival) and ``element_density``, the mean over the finite element or the bin that
@@ -32,7 +32,9 @@ _SHOWN = "element_density"
 """Name of the array that a viewer shows first."""
 
 
-def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequence[int]) -> pathlib.Path:
+def write_series(
+    folder: File, name: str, result: SurvivalResult, cycles: Sequence[float] | None = None
+) -> pathlib.Path:
     """Write the joint density of angle and velocity after each of some cycles as VTK files, for ParaView for example.
 
     A density is written on its own mesh; each cell is cut into as many pieces a side as its polynomial degree, so that
@@ -44,10 +46,10 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
     folder : path
         Created if missing.
     name : str
-        First part of the names of files: ``<name>.pvd``, ``<name>_0000.vtu``, ...
+        First part of the names of files: ``<name>.pvd``, ``<name>_0000.vtu``, ... with the number of the row.
     result : SurvivalResult
-    cycles : sequence of int
-        Each is written once.
+    cycles : sequence of int or float, optional
+        Each is written once; by default all rows are.
 
     Returns
     -------
@@ -64,11 +66,11 @@ def write_series(folder: File, name: str, result: SurvivalResult, cycles: Sequen
     """
     checks.instance("result", result, SurvivalResult)
     folder, entries = pathlib.Path(folder), []
-    rows = [checks.count("cycles", cycle, at_least=0, at_most=len(result.times) - 1) for cycle in cycles]
-    for cycle in dict.fromkeys(rows):  # a cycle is one file, and one entry, however often it is named
-        file = folder / f"{name}_{cycle:04d}.vtu"
-        _write_mesh(file, _mesh_of_row(result, cycle), _field_values(result, cycle))
-        entries.append((float(result.times[cycle]), file.name))
+    rows = range(len(result.times)) if cycles is None else [result.row_of(cycle, "cycles") for cycle in cycles]
+    for row in dict.fromkeys(rows):  # a row is one file, and one entry, however often it is named
+        file = folder / f"{name}_{row:04d}.vtu"
+        _write_mesh(file, _mesh_of_row(result, row), _field_values(result, row))
+        entries.append((float(result.times[row]), file.name))
     listing = folder / f"{name}.pvd"
     write_text(listing, _collection(entries))
     return listing
@@ -104,10 +106,11 @@ def write_function(file: File, function: Any, name: str) -> pathlib.Path:
     return pathlib.Path(file)
 
 
-def _mesh_of_row(result, cycle):
+def _mesh_of_row(result, row):
     """Mesh with the density of a row: the solver's, a histogram of a sample, or the cell of a point start."""
-    if cycle == 0 and result.scene.start.covariance is None:
+    if row == 0 and result.scene.start.covariance is None:
         return _mesh_of_point(result.scene)
+    cycle = result.cycle_of(row)
     return _mesh_of_density(result.at(cycle)) if result.realizations is None else _mesh_of_histogram(result, cycle)
 
 
@@ -123,10 +126,10 @@ def _mesh_of_density(law):
     return _mesh_of_lattices(*lines, np.asarray(law.cell_values(pieces + 1)), probability)
 
 
-def _mesh_of_histogram(sample, row):
+def _mesh_of_histogram(sample, cycle):
     """Mesh of the bins of a sample, with the density at points and cells, and the probability in cells."""
     edges = joint_edges(sample.scene)
-    probability = np.asarray(sample.bin_probabilities(row, *edges))
+    probability = np.asarray(sample.bin_probabilities(cycle, *edges))
     lines = [np.stack([values[:-1], values[1:]], axis=-1) for values in edges]
     heights = probability / np.multiply.outer(*map(np.diff, edges))
     values = np.broadcast_to(heights[:, :, None, None], (*heights.shape, 2, 2))
@@ -184,14 +187,14 @@ def _meshio_mesh(points, cells, values, cell_data):
     return meshio.Mesh(points, cells, point_data={"density": np.array(values)}, cell_data=cell_data)
 
 
-def _field_values(result, cycle) -> dict[str, float]:
+def _field_values(result, row) -> dict[str, float]:
     """Field data of the file of a row."""
-    left, right = result.overturned[cycle]
+    left, right = result.overturned[row]
     fields = {} if result.realizations else {"negative_mass": result.negative_mass}
     return fields | {
-        "cycle": cycle,
-        "tau": result.times[cycle],
-        "survival": result.survival[cycle],
+        "cycle": result.cycle_of(row),
+        "tau": result.times[row],
+        "survival": result.survival[row],
         "overturned_left": left,
         "overturned_right": right,
         "cut_off": result.scene.overturning.angle,

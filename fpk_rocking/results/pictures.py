@@ -167,7 +167,7 @@ def figure_of(*panels: Callable[[Any, Any], None]) -> Any:
     return figure
 
 
-def result_panels(result: Any, what: str | None, cycle: int) -> list[Callable[[Any, Any], None]]:
+def result_panels(result: Any, what: str | None, cycle: float) -> list[Callable[[Any, Any], None]]:
     """Return the panels of a `SurvivalResult` that `SurvivalResult.plot` shows, as `figure_of` takes them."""
     units = plane_units(result.scene)
 
@@ -213,7 +213,7 @@ def _cut_or_merged(edges, masses, least):
     return np.append(inner[: -1 : -(-count // 96)], inner[-1])
 
 
-def edges_of(results: Sequence[Any], cycles: Sequence[int]) -> list[Array]:
+def edges_of(results: Sequence[Any], cycles: Sequence[float]) -> list[Array]:
     """Return edges in angle and velocity of the bins in which the rows `cycles` of all `results` are shown."""
     coarsest = min(results, key=lambda result: result.shown_bins)
     edges = coarsest.bin_edges
@@ -279,5 +279,6 @@ def function_panel(
 
 
 def _title(result, cycle):
-    """Time of row `cycle` of a `SurvivalResult`, and survival then, as a text for the title of a panel."""
-    return f"{result.when(cycle)}, survival {result.survival[cycle]:.4f}"
+    """Time after a number of cycles of a `SurvivalResult`, and survival then, as a text for the title of a panel."""
+    row = result.row_of(cycle)
+    return f"{result.when(row)}, survival {result.survival[row]:.4f}"

@@ -1,6 +1,6 @@
 """Axes of results: their times, and bins of angle and velocity that cover what can be expected of a scene.
 
-Results are for whole forcing cycles, or for times of their own where the forcing does not repeat.
+Results are for forcing cycles, or for times of their own where the forcing does not repeat.
 """
 
 import math
@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike, not_none
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.scene.scene import Scene
 
@@ -23,17 +23,33 @@ PARTS = 20
 """Parts of a motion's duration after each of which a result is for, unless `times` tell otherwise."""
 
 
-def result_times(scene: Scene, cycles: int | None = None, times: ArrayLike | None = None) -> Array:
-    """Return the times τ (n + 1,) of a result, the first 0: after `cycles`, or at `times`, each exactly where it fits.
+def samples_in_cycle(scene: Scene, samples_per_cycle: int | None, default: int = 1) -> int:
+    """Return at how many times in each cycle a result is wanted; refused where the forcing does not repeat."""
+    if scene.period is None and samples_per_cycle is not None:
+        accepted = f"nothing, as a {scene.forcing.kind} has no cycles; use times"
+        raise ValueError(checks.refusal("samples_per_cycle", samples_per_cycle, accepted))
+    return checks.count("samples_per_cycle", default if samples_per_cycle is None else samples_per_cycle)
+
+
+def times_in_cycles(scene: Scene, cycles: int, samples: int) -> Array:
+    """Return the times τ (cycles · samples + 1,) from 0 on, `samples` of them in each cycle; whole cycles exactly."""
+    return not_none(scene.period) * (np.arange(cycles * samples + 1) / samples)
+
+
+def result_times(
+    scene: Scene, cycles: int | None = None, times: ArrayLike | None = None, samples_per_cycle: int | None = None
+) -> Array:
+    """Return the times τ (n + 1,) of a result, the first 0: in `cycles`, or at `times`, each exactly where it fits.
 
     A forcing that does not repeat has by default `PARTS` equal parts of its duration and, `SETTLING` later, the time
     when free blocks have settled or overturned.
     """
+    samples = samples_in_cycle(scene, samples_per_cycle)
     if scene.period is not None:
         if times is not None:
             accepted = "nothing, as this forcing repeats; use cycles"
             raise ValueError(checks.refusal("times", times, accepted))
-        return scene.period * np.arange(checks.count("cycles", cycles, at_most=2**24) + 1)
+        return times_in_cycles(scene, checks.count("cycles", cycles, at_most=2**24), samples)
     if cycles is not None:
         raise ValueError(
             checks.refusal("cycles", cycles, f"nothing, as a {scene.forcing.kind} has no cycles; use times")

@@ -103,7 +103,8 @@ def checked(
         return density
     if beside is not None and beside.scene == scene and beside.realizations >= CHECK_PATHS:
         return density.checked(beside)
-    rows = {"cycles": density.cycles} if scene.period else {"times": density.times[1:]}
+    within: Any = {"cycles": density.cycles, "samples_per_cycle": density.samples_per_cycle}
+    rows = within if scene.period else {"times": density.times[1:]}
     return density.checked(simulate(scene, **rows, realizations=realizations, seed=seed, progress=progress))
 
 

@@ -104,7 +104,7 @@ def simulate_batches(run, first=0, samples=1, capacity=0, cycle=0, progress=None
         if fall:
             later = parameters._replace(block=parameters.block._replace(cutoff=fall))
             paths = _paths_to_follow(batch, engine.renews, followed)
-            batch.returns[:] = _returns(paths, run, engine.renews, later, simulate)
+            batch.returns[:] = _returns(paths, run, engine.renews, later, simulate, len(times))
             followed += int(batch.returns[0])
         mark_announced()
         yield _repeated(batch, first, count) if alike else batch
@@ -177,11 +177,11 @@ def _paths_to_follow(batch, unseen, already):
         place += 1
 
 
-def _returns(numbers, run, unseen, parameters, simulate):
+def _returns(numbers, run, unseen, parameters, simulate, states):
     """Return how many paths overturn on the way to the fall (all, unless `unseen`), and how many of these come back."""
     if not numbers:
         return 0, 0
-    states, cutoff = run.rows + 1, run.scene.overturning.angle
+    cutoff = run.scene.overturning.angle
     if unseen:
         grid = parameters.grid.with_all_ends()
         parameters = parameters._replace(grid=grid)

@@ -17,8 +17,7 @@ from montecarlo.results.counts import Paths, Sample
 class Ensemble(Sample):
     """Independent realizations of a scene; all quantities are nondimensional.
 
-    Column k of an array is for the time kT after k forcing cycles; where the forcing does not repeat, for ``times[k]``,
-    and a parameter ``cycle`` is such a number k.
+    Column k of an array is for ``times[k]``; rows and the parameter ``cycle`` are those of `SurvivalResult`.
 
     Parameters
     ----------
@@ -28,10 +27,10 @@ class Ensemble(Sample):
         "exact", "rk4", "white" or "filtered".
     wall_s : float
         Seconds that the call took, compilation included.
-    times : ndarray, shape (cycles + 1,)
+    times : ndarray, shape (rows,)
         Times τ of the states, from 0 on.
-    angle, velocity : ndarray, shape (realizations, cycles + 1)
-        States, Poincaré points where the forcing repeats; nan after overturning.
+    angle, velocity : ndarray, shape (realizations, rows)
+        States, Poincaré points after whole cycles; nan after overturning.
     overturn_time, overturn_side : ndarray, shape (realizations,)
         Time τ of overturning, and side: -1 left, +1 right; nan and 0 for a block that stands.
     returns : ndarray of int, shape (2,)

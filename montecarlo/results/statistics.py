@@ -189,13 +189,13 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     if isinstance(side, bool) or not (side is None or (isinstance(side, numbers.Integral) and abs(side) == 1)):
         raise ValueError(checks.refusal("side", side, "None, or -1 (left) or 1 (right)"))
     cycles, period = not_none(ensemble.cycles), not_none(ensemble.scene.period)
-    if after >= cycles or ensemble.survivors[after] == 0:
+    if after >= cycles or ensemble.survivors[ensemble.row_of(after)] == 0:
         accepted = f"a number below {cycles}, of cycles after which a block still stands"
         raise ValueError(checks.refusal("after", after, accepted))
     ends = ensemble.overturn_time / period
     lived = np.where(ensemble.overturn_side == 0, cycles, ends) - after
     exposure = lived[lived > 0.0].sum()
-    standing = np.isfinite(ensemble.angle[:, after])
+    standing = np.isfinite(ensemble.angle[:, ensemble.row_of(after)])
     counted = (ensemble.overturn_side != 0) if side is None else (ensemble.overturn_side == side)
     count = int(np.count_nonzero(standing & counted))
     tail = 0.5 - 0.5 * level

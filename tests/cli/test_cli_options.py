@@ -75,6 +75,7 @@ def test_no_option_is_left_out():
     tried = {option for option, *_ in (*OF_SAMPLES, *OF_CURVES)}
     tried |= {"tol", "bins_tol"}
     others = {"times", "tally", "noise_replacement", "scales", "pga", "pgv", "workers", "no_check", "rtol", "limit"}
+    others |= {"samples_per_cycle", "movie"}  # tests/results/test_movie.py
     assert names - ELSEWHERE - OF_RISK == tried | others
 
 

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 import fpk_rocking.density
 from fpk_rocking import cli
-from fpk_rocking.scene.axes import result_times
+from fpk_rocking.scene.axes import result_times, samples_in_cycle
 
 SCENE = fuzz.scene(noise=fuzz.WhiteNoise(0.006)).to_toml()
 FEW = {"mc": ["--cycles", "1", "--realizations", "3"], "fpk": ["--cycles", "1"]}
@@ -58,9 +58,20 @@ def check(status, out, err, as_json):
         assert all(share is None or 0.0 <= share <= 1.0 for share in shares)
 
 
-def solve_fpk(scene, *, cycles=None, times=None, tol=1e-3, bins_tol=None, noise_replacement="white", progress=None):  # noqa: ARG001
+def solve_fpk(
+    scene,
+    *,
+    cycles=None,
+    times=None,
+    samples_per_cycle=None,
+    tol=1e-3,  # noqa: ARG001
+    bins_tol=None,  # noqa: ARG001
+    noise_replacement="white",  # noqa: ARG001
+    progress=None,  # noqa: ARG001
+):
     """Refuse what the solver refuses, and return a result of a known law."""
     fpk_rocking.density.solver.refuse_unsolvable(scene.white_equivalent())
+    samples_in_cycle(scene, samples_per_cycle)
     rows = len(result_times(scene, cycles, times)) - 1 if cycles is None or cycles <= 50 else 51
     if rows > 50 or scene.period is None:
         raise ValueError("cycles: got what this stand-in does not take, accepted: up to 50 cycles")
