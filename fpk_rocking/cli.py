@@ -107,7 +107,7 @@ def command_line() -> argparse.ArgumentParser:
     options += " --name --seed --out --json"
     command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
     does = "what files of recorded motions have"
-    options = "files --units --interval --component --json"
+    options = "files --units --interval --component --baseline --corner-hz --json"
     more = "A row for each component, with what risk would do with it; files that cannot be read follow."
     command("records", _records, does, more, options)
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
@@ -280,7 +280,7 @@ def _records(options):
     from fpk_rocking.results.storage import plain
     from fpk_rocking.risk.records import survey, table_lines
 
-    rows, refused = survey(options.files, **passed(options, "units", "interval", "component"))
+    rows, refused = survey(options.files, **passed(options, "units", "interval", "component", "baseline", "corner_hz"))
     if options.json:
         values = plain({"records": [row._asdict() for row in rows], "refused": refused})
         sys.stdout.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")

@@ -144,7 +144,7 @@ class Hazard:
             intensity, rate, measure, note = read(file.read_text(encoding="utf-8-sig"), site)
             return cls(intensity, rate, file.name, measure, note)
         except ValueError as error:
-            raise ValueError(f"{path}{'' if str(error).startswith(', line') else ': '}{error}") from None
+            raise ValueError(f"{path}: {error}") from None
 
     def check_measure(self, measure: str) -> None:
         """Raise ValueError where this is the hazard of another measure than "PGA" or "PGV" that a curve is over.

@@ -1,12 +1,14 @@
 """Files of hazard curves: two columns, named or not, and the curves that OpenQuake exports."""
 
+import csv
 import re
 
 import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.readers import components
+from fpk_rocking.physics.forcing.readers import columns, components, fields
+from fpk_rocking.physics.forcing.readers.components import ReadingError
 
 UNITS = {
     "PGV": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
@@ -25,17 +27,17 @@ _QUANTITIES = {
 }
 """What a second column is, by patterns of its name, the first that is found."""
 
-_INTENSITY = r"(?<![a-z])(pga|pgv|im|iml|intensity|a_?g)(?![a-z])|(?:peak )?(?:ground )?(acceleration|velocity)"
-
-_MEASURES = {"pga": "PGA", "acceleration": "PGA", "ag": "PGA", "a_g": "PGA", "pgv": "PGV", "velocity": "PGV"}
+_INTENSITY = re.compile(
+    r"(?<![a-z])(?:(?P<PGA>pga|a_?g)|(?P<PGV>pgv)|im|iml|intensity)(?![a-z])|"
+    r"(?:peak )?(?:ground )?(?:(?P<acceleration>acceleration)|velocity)"
+)
+"""What the name of an intensity begins with."""
 
 _SPECTRAL = r"spectral|(?<![a-z])s[av](?![a-z])"
 
 _UNIT = r"[(\[,_ ]\s*(?:in )?([a-z%][a-z0-9/^*²% .]*?)\s*[)\]]?$"
 
 _TIME = r"([\d.]+)[ -]*(?:years?|yrs?|y|a)\b"
-
-_VELOCITIES = {"kine": "cm/s", "mps": "m/s", "cmps": "cm/s"}
 
 _USUAL = {0.63, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01}
 """Probabilities, most often in 50 years, that maps are drawn for."""
@@ -49,127 +51,108 @@ _LISTED = 10
 
 def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, str]:
     """Return intensities and annual rates (n,), measure and note of the text of a file, as `Hazard.from_csv` says."""
-    lines = [(number, line.strip()) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    heads = [(number, line.lstrip("# ")) for number, line in lines if line.startswith("#")]
-    comments = " ".join(line for _, line in heads)
-    lines = [(number, line) for number, line in lines if not line.startswith("#")]
-    if lines and re.search(r"\bpoe-", lines[0][1]):
-        return _of_openquake(comments, lines, site)
+    lines = [line.strip() for line in text.splitlines()]
+    said = [line.lstrip("# ") for line in lines if line.startswith("#")]
+    plain, comments = [line for line in lines if line and not line.startswith("#")], " ".join(said)
+    if plain and re.search(r"\bpoe-", plain[0]):
+        return _of_openquake(comments, plain, site)
     if site is not None:
         raise ValueError(checks.refusal("site", site, "none, as the file has one site"))
-    if not lines:
-        raise ValueError("got no numbers, accepted: lines of an intensity and a rate")
-    if _numbers(lines[0][1]) is None:
-        heads, lines = [lines[0]], lines[1:]
-    else:
-        heads = [head for head in heads if all(_columns(head[1])[1]) or all(_columns(head[1])[2])]
-    names = _named(comments, *heads[-1]) if heads else None
-    rows = [_numbers(line) for _, line in lines]
-    for (number, line), row in zip(lines, rows, strict=True):
-        if row is None:
-            raise ValueError(f", line {number}: got {line!r}, accepted: an intensity and a rate, two plain numbers")
-    columns = np.array(rows, float).reshape(-1, 2).T
-    if names is None:
-        _ask(columns[1], comments.lower())
-        said = {measure for measure in UNITS if re.search(rf"\b{measure}\b", comments, re.IGNORECASE)}
-        measure = said.pop() if len(said) == 1 else ""
-        note = f"Its file names no columns: they were read as {measure or 'an intensity'} in "
-        note += f"{next(iter(UNITS[measure])) if measure else 'the unit of the curve'}, and annual rates."
-        return *columns, measure, note
-    first, quantity, time, factor, measure, unit = names
-    intensity, values = columns[:: 1 if first else -1]
+    table = columns.parted(lines)
+    for number, row in zip(table.numbers, table.rows, strict=True):
+        # Of thousands, or with a decimal comma?
+        parts = re.split(r"[;\s]+", lines[number - 1])
+        if len(row) != 2 or (len(parts) > 1 and any(re.fullmatch(r"[1-9]\d{0,2},\d{3}", part) for part in parts)):
+            raise ReadingError(repr(lines[number - 1]), "an intensity and a rate, two plain numbers", number)
+    # A first line is never dropped; a comment may name the columns.
+    heads = plain[: len(plain) - len(table.rows)]
+    named = [_named(line, comments) for line in heads or said]
+    for line, names in zip(heads, named, strict=False):
+        if not names:
+            accepted = f"two numbers, or two names as in {_EXAMPLES}"
+            raise ReadingError(repr(line), accepted, lines.index(line) + 1)
+    if not table.rows:
+        raise ReadingError("no numbers", "lines of an intensity and a rate")
+    values = fields.numbers([word for row in table.rows for word in row]).reshape(-1, 2)
+    named = [names for names in named if names]
+    if not named:
+        _ask(values[:, 1], comments.lower())
+        found = {measure for measure in UNITS if re.search(rf"\b{measure}\b", comments, re.IGNORECASE)}
+        measure = found.pop() if len(found) == 1 else ""
+        unit = next(iter(UNITS[measure])) if measure else "the unit of the curve"
+        note = f"Its file names no columns: they were read as {measure or 'an intensity'} in {unit}, and annual rates."
+        return *values.T, measure, note
+    first, quantity, years, factor, measure, unit = named[-1]
+    intensity, values = values.T[:: 1 if first else -1]
     order = np.argsort(intensity, kind="stable")
-    own, stated = next(iter(UNITS.get(measure, ["the unit of the curve"]))), unit or "no unit"
-    rates, left = _rates(quantity, factor * values[order], time)
+    rates, left = _rates(quantity, factor * values[order], years)
     kept = ~np.isinf(rates)
-    scale = UNITS[measure][unit] if unit else 1.0
-    often = intensity[order][kept & (rates >= _MAPPED)]
+    intensity, rates = intensity[order][kept], rates[kept]
+    often = intensity[rates >= _MAPPED]
     if measure and not unit and often.size and often[-1] > _STRONGEST[measure]:
         accepted = ", ".join(f"'{measure} ({unit})'" for unit in UNITS[measure])
         got = f"{measure} in no unit, up to {often[-1]:g} at {_MAPPED:g} a year"
-        raise ValueError(f"got {got}, accepted: its unit in the name of the column, {accepted}")
-    note = f"Its file gives {measure or 'an intensity'} in {stated}{f', read in {own},' * (not unit)} and {quantity}"
-    note += f" in {time:g} year{'s' * (time != 1.0)}" * (quantity == "probabilities")
-    return scale * intensity[order][kept], rates[kept], measure, f"{note}{left}."
+        raise ReadingError(got, f"its unit in the name of the column, {accepted}")
+    own = next(iter(UNITS.get(measure, ["the unit of the curve"])))
+    note = f"Its file gives {measure or 'an intensity'} in {unit or f'no unit, read in {own},'} and {quantity}"
+    note += f" in {years:g} year{'s' * (years != 1.0)}" * (quantity == "probabilities")
+    # Curves of probabilities end at exactly 1, which no rate does twice.
+    several = (rates == 1.0).sum() > 1 or re.search(r"investigation_time|\b(?!1\b)\d+[ -]*(?:years|yrs?)\b", comments)
+    asked = quantity == "annual rates" and rates.max() <= 1.0 and several
+    note += f"{left}." + " Are they not probabilities in several years?" * bool(asked)
+    return (UNITS[measure][unit] if unit else 1.0) * intensity, rates, measure, note
 
 
-def _numbers(line):
-    """Return the two numbers of a line, or None; commas are decimal where other signs part the columns."""
-    for sign in (";", "\t", ",", None):
-        parts = [part.strip() for part in line.split(sign)]
-        if len(parts) != 2:
-            continue
-        if sign != ",":
-            if any(re.fullmatch(r"[1-9]\d{0,2},\d{3}", part) for part in parts):
-                return None  # Thousands, or a decimal comma?
-            parts = [part.replace(",", ".") if part.count(",") == 1 and "." not in part else part for part in parts]
-        try:
-            return float(parts[0]), float(parts[1])
-        except ValueError:
-            continue
-    return None
-
-
-def _columns(line):
-    """Return the two names of a line, and as pairs what intensity and quantity they are, in this order and the other.
-
-    A quantity is empty, and an intensity None, where the names are not such.
-    """
-    names = next((parts for sign in (";", "\t", ",", None) if len(parts := line.lower().split(sign)) == 2), ("", ""))
-    kinds = [next((kind for kind, form in _QUANTITIES.items() if re.search(form, name)), "") for name in names]
-    found = [None if re.search(_SPECTRAL, name) else re.search(_INTENSITY, name) for name in names]
-    return names, (found[0], kinds[1]), (found[1], kinds[0])
-
-
-def _named(comments, number, line):
-    """Return whether the intensity comes first, quantity, time, factor, measure and unit by the names of columns."""
-    names, *orders = _columns(line)
-    first = all(orders[0])
-    match, quantity = orders[not first]
-    name, other = names if first else names[::-1]
-    if all(orders[0]) == all(orders[1]):
-        raise ValueError(f", line {number}: got {line!r}, accepted: two numbers, or two names as in {_EXAMPLES}")
-    measure, unit = _measured(number, match, name[match.end() :].replace("_per_", "/"))
+def _named(line, comments):
+    """(whether the intensity is first, quantity, years, factor, measure, unit) by two names; None without such."""
+    names = columns.split_names(line.lower(), 2)
+    found = []
+    for name, other in (names, names[::-1]) if len(names) == 2 else ():
+        match = None if re.search(_SPECTRAL, name) else _INTENSITY.search(name)
+        quantity = next((kind for kind, form in _QUANTITIES.items() if re.search(form, other)), "")
+        if match and quantity:
+            found.append((name == names[0], match, name[match.end() :], other, quantity))
+    if len(found) != 1:
+        return None
+    first, match, rest, other, quantity = found[0]
+    measure, unit = _measured(match, rest.replace("_per_", "/"))
     time, common = re.search(_TIME, other), re.search(r"investigation_time\s*[=:]\s*([\d.]+)", comments)
     years = float(time[1]) if time else 1.0 if "annual" in other else float(common[1]) if common else 0.0
     if quantity == "probabilities" and not years > 0.0:
-        raise ValueError(f", line {number}: got {line!r}, accepted: its time too, as in 'probability in 50 years'")
+        raise ReadingError(repr(line), "its time too, as in 'probability in 50 years'")
     return first, quantity, years, 0.01 if "%" in other else 1.0, measure, unit
 
 
-def _measured(number, match, rest):
-    """Return measure and unit, empty where they are not known, by the `match` of a name and the `rest` of it."""
-    measure = _MEASURES.get(match[1] or match[2], "")
+def _measured(match, rest):
+    """Measure and unit, empty where they are not known, by the `match` of a name and the `rest` of it."""
+    measure = {"acceleration": "PGA", None: "PGV" if "velocity" in match[0] else ""}.get(
+        match.lastgroup, match.lastgroup
+    )
     said = re.search(_UNIT, rest)
     if not said:
         return measure, ""
-    velocity = said[1].replace(" ", "").replace("sec", "s")
-    unit = (components.unit_of(said[1]) or "").replace("2", "²") or _VELOCITIES.get(velocity, velocity)
-    measures = [kind for kind in UNITS if unit in UNITS[kind] and measure in ("", kind)]
-    if not measures:
-        accepted = ", ".join(unit for kind in UNITS if measure in ("", kind) for unit in UNITS[kind])
-        raise ValueError(f", line {number}: {checks.refusal('unit of the intensity', said[1], accepted)}")
-    return measures[0], unit
+    unit = components.measured(said[1])[1].replace("2", "²")
+    units = {unit: kind for kind in UNITS if measure in ("", kind) for unit in UNITS[kind]}
+    if unit not in units:
+        raise ValueError(checks.refusal("unit of the intensity", said[1], ", ".join(units)))
+    return units[unit], unit
 
 
 def _ask(values, comments):
-    """Raise ValueError for a column without a name that may be one of return periods or probabilities."""
-    steps = np.diff(values)
-    what = ""
-    if re.search(f"{_QUANTITIES['return periods']}|{_QUANTITIES['probabilities']}", comments):
-        what = "while a comment speaks of return periods or probabilities"
-    elif values.size > 1 and (steps > 0.0).all():
-        what = "that rise, as return periods do"
-    elif values.size > 1 and ({*values} <= _USUAL or {*np.round(values / 100.0, 9)} <= _USUAL):
-        what = "of which maps are drawn as probabilities in 50 years"
-    elif values.size > 1 and 0.5 <= values.max() <= 1.0:
-        what = f"from {values.max():.4g} down, as of probabilities in several years"
-    if what:
-        shown = ", ".join(f"{value:g}" for value in values[:3])
-        raise ValueError(
-            f"got {shown}, ... in the second column, {what}; accepted: a first line that names the columns, as "
-            f"{_EXAMPLES}"
-        )
+    """Raise `ReadingError` for a column without a name that may be one of return periods or probabilities."""
+    usual = {*values} <= _USUAL or {*np.round(values / 100.0, 9)} <= _USUAL
+    periods = f"{_QUANTITIES['return periods']}|{_QUANTITIES['probabilities']}"
+    doubts = {
+        "while a comment speaks of return periods or probabilities": bool(re.search(periods, comments)),
+        "that rise, as return periods do": values.size > 1 and (np.diff(values) > 0.0).all(),
+        "of which maps are drawn as probabilities in 50 years": values.size > 1 and usual,
+        f"from {values.max():.4g} down, as of probabilities in several years": (
+            values.size > 1 and 0.5 <= values.max() <= 1.0
+        ),
+    }
+    for doubt in (text for text, doubtful in doubts.items() if doubtful):
+        got = f"{', '.join(f'{value:g}' for value in values[:3])}, ... in the second column, {doubt}"
+        raise ReadingError(got, f"a first line that names the columns, as {_EXAMPLES}")
 
 
 def _rates(quantity, values, years):
@@ -180,8 +163,8 @@ def _rates(quantity, values, years):
         if not (values > 0.0).all():
             raise ValueError(checks.refusal("return period", float(values.min()), "years above 0"))
         return 1.0 / values, ""
-    if not ((values >= 0.0) & (values <= 1.0)).all():
-        worst = float(values[np.argmax(np.abs(values - 0.5))])
+    worst = float(values[np.argmax(np.abs(values - 0.5))])
+    if not 0.0 <= worst <= 1.0:
         raise ValueError(checks.refusal("probability", worst, "0 to 1, or a name of the column with %"))
     with np.errstate(divide="ignore"):
         rates = -np.log1p(-values) / years
@@ -192,24 +175,23 @@ def _rates(quantity, values, years):
 def _of_openquake(comments, lines, site):
     """Return what `read` does of OpenQuake's hazard curves: a line of names, and one for each site."""
     says = dict(re.findall(r"""(\w+)\s*=\s*['"]?([^,'"]+)""", comments))
-    measure, years = says.get("imt", ""), says.get("investigation_time", "")
-    if measure not in UNITS or not years or says.get("kind") == "std":
-        got = f"imt={measure or 'nothing'}, investigation_time={years or 'nothing'}, kind={says.get('kind', 'nothing')}"
+    measure, years, kind = (says.get(key, "nothing") for key in ("imt", "investigation_time", "kind"))
+    if measure not in UNITS or years == "nothing" or kind == "std":
         accepted = "imt='PGA' or 'PGV' and investigation_time in the comment, and any kind but the deviation 'std'"
+        got = f"imt={measure}, investigation_time={years}, kind={kind}"
         raise ValueError(checks.refusal("hazard curves of OpenQuake", got, accepted))
-    names = [name.strip() for name in lines[0][1].split(",")]
-    levels = [place for place, name in enumerate(names) if name.startswith("poe-")]
-    sites = [line.split(",") for _, line in lines[1:]]
-    lon, lat = names.index("lon"), names.index("lat")
-    places = [f"{parts[lon]},{parts[lat]}" for parts in sites if len(parts) == len(names)]
-    if len(places) != len(sites) or not sites:
-        raise ValueError(f"got {len(sites)} lines below the names, accepted: sites with {len(names)} columns each")
-    row = sites[_site(places, site)]
-    intensity = np.array([float(names[place].removeprefix("poe-")) for place in levels])
-    rates, left = _rates("probabilities", np.array([float(row[place]) for place in levels]), float(years))
+    table = [[entry.strip() for entry in row] for row in csv.reader(lines)]
+    sites = [dict(zip(table[0], row, strict=False)) for row in table[1:]]
+    if not sites or any(len(row) != len(table[0]) for row in table):
+        raise ReadingError(f"{len(sites)} lines below the names", f"sites with {len(table[0])} columns each")
+    places = [f"{row['lon']},{row['lat']}" for row in sites]
+    chosen = _site(places, site)
+    levels = {name: value for name, value in sites[chosen].items() if name.startswith("poe-")}
+    rates, left = _rates("probabilities", np.array(list(levels.values()), float), float(years))
     kept, unit = ~np.isinf(rates), "cm/s" if measure == "PGV" else "g"
-    note = f"It is OpenQuake's {measure} at {row[lon]},{row[lat]}, from probabilities in {float(years):g} years{left}."
-    return UNITS[measure][unit] * intensity[kept], rates[kept], measure, note
+    intensity = UNITS[measure][unit] * np.array([float(name.removeprefix("poe-")) for name in levels])
+    note = f"It is OpenQuake's {measure} at {places[chosen]}, from probabilities in {float(years):g} years{left}."
+    return intensity[kept], rates[kept], measure, note
 
 
 def _site(places, site):
@@ -219,14 +201,11 @@ def _site(places, site):
     asked = str(site).strip()
     if re.fullmatch(r"\d+", asked) and 1 <= int(asked) <= len(places):
         return int(asked) - 1
-    try:
-        lon, lat = map(float, asked.split(","))
-        degrees = np.array([place.split(",") for place in places], float)
-        away = np.abs(degrees - [lon, lat]).max(axis=1)
+    if re.fullmatch(rf"{fields.NUMBER}\s*,\s*{fields.NUMBER}", asked):
+        degrees = np.array([place.split(",") for place in [asked, *places]], float)
+        away = np.abs(degrees[1:] - degrees[0]).max(axis=1)
         if away.min() < 0.01:
             return int(away.argmin())
-    except ValueError:
-        pass
     shown = "; ".join(f"{number}: {place}" for number, place in enumerate(places[:_LISTED], start=1))
     more = f"; ... {len(places)} in all" * (len(places) > _LISTED)
     raise ValueError(checks.refusal("site", site, f"'lon,lat' to .01°, or a number, of {shown}{more}"))

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.checks import File
-from fpk_rocking.physics.forcing.readers import read, reading
-from fpk_rocking.physics.forcing.readers.components import Component
+from fpk_rocking.physics.forcing.readers import reading
 from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 
@@ -53,6 +52,7 @@ def survey(
     units: str | None = None,
     interval: float | None = None,
     component: str | int | None = None,
+    **correction: Any,
 ) -> tuple[list[Row], list[str]]:
     """Return (rows, refused): a `Row` for each component of record files, and why others cannot be read.
 
@@ -62,6 +62,8 @@ def survey(
         Files that `Record.from_file` reads.
     units, interval, component
         As for `Record.from_file`, where the files leave them open.
+    **correction
+        `baseline` and `corner_hz` of `Record`, with which peaks and drift are those that a study would have.
 
     Returns
     -------
@@ -78,45 +80,44 @@ def survey(
     """
     rows, refused = [], []
     for file in files:
-        path = pathlib.Path(file)
         try:
-            found = reading(path)
+            found = reading(pathlib.Path(file))
         except (ValueError, OSError) as error:
             refused.append(str(error))
             continue
+        taken, why = None, ""
+        usable = [one for one in found.components if not one.objection]
         try:
-            chosen, why = read(path, component, if_several=True), ""
+            taken = found.chosen(component, if_several=True)
         except ValueError as error:
-            chosen, why = None, str(error).partition("': got ")[2].partition(", accepted")[0]
-            if all(one.objection for one in found.components) or len(found.components) == 1:
-                refused.append(str(error))
-        several = sum(not one.objection for one in found.components) > 1
+            why = getattr(error.__cause__, "got", "")
+            refused += [str(error)] * (not usable or len(found.components) == 1)
         for number, one in enumerate(found.components, 1):
-            picked = chosen is not None and chosen.name == one.name and np.array_equal(chosen.values, one.values)
-            if one.objection:
-                does = f"not read: {one.objection.removeprefix('got ').partition(', accepted')[0]}"
-            elif picked or (chosen is None and several):
-                does = "read" if picked else f"choose: --component {number}"
-            else:
-                does = "left out" if chosen is not None else f"not read: {why}"
-            rows.append(_row(path.name, found.format, number, one, units, interval, does))
+            does = "read" if one is taken else "left out"
+            if not taken or one.objection:
+                choose = len(usable) > 1 and not one.objection
+                against = one.objection.got if one.objection else why
+                does = f"choose: --component {number}" if choose else f"not read: {against}"
+            place = found.path.name, found.format, f"{number} {one.name}".strip()
+            rows.append(Row(*place, *_about(one, does, units, interval, correction)))
     return rows, refused
 
 
-def _row(file: str, form: str, number: int, one: Component, units: Any, interval: Any, does: str) -> Row:
-    """The row of a component; what is missing for it to be read is asked for in `does`."""
+def _about(one, does, units, interval, correction):
+    """The row of a component from its unit on; what is missing for it to be read is asked for in `does`."""
     unit, step = one.unit or units or "", one.interval or interval or math.nan
     missing = ["--units"] * (not unit) + ["--interval"] * math.isnan(step)
-    pga = pgv = math.nan
-    drift, notes = "", [f"needs {' '.join(missing)}"] * bool(missing and not one.objection)
-    if not missing and not one.objection:
-        record = Record(step, tuple(one.values.tolist()), unit, note=" ".join(one.sentences))
-        notes += [sentence.rstrip(".") for sentence in record.implausible]
-        pga, pgv = record.drift.pga / STANDARD_GRAVITY, record.drift.pgv
-        offset = abs(one.values.mean()) > 0.01 * np.abs(one.values - one.values.mean()).max()
+    pga, pgv, drift, notes = math.nan, math.nan, "", []
+    if missing and not one.objection:
+        notes = [f"needs {' '.join(missing)}"]
+    elif not one.objection:
+        record = Record(step, one.values.tolist(), unit, note=" ".join(one.sentences), **correction)
+        notes = [sentence.rstrip(".") for sentence in record.implausible]
+        pga, pgv, samples = record.drift.pga / STANDARD_GRAVITY, record.drift.pgv, record.corrected_samples
+        offset = abs(samples.mean()) > 0.01 * np.abs(samples - samples.mean()).max()
         drift = "drifts" if record.drifts else "offset" if offset else ""
     does = "; ".join([does] * (does != "read" or not missing) + notes)
-    return Row(file, form, f"{number} {one.name}".strip(), unit, step, len(one.values), pga, pgv, drift, does)
+    return unit, step, len(one.values), pga, pgv, drift, does
 
 
 def table_lines(rows: Sequence[Row]) -> list[str]:

@@ -461,15 +461,8 @@ def study(
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
     if exceeded is not None:
         exceeded.check_measure(measure)
-    scenes = recorded_scenes(
-        scene,
-        records,
-        units=units,
-        interval=interval,
-        component=component,
-        baseline=baseline,
-        corner_hz=corner_hz,
-    )
+    stated: dict[str, Any] = {"units": units, "interval": interval, "component": component}
+    scenes = recorded_scenes(scene, records, **stated, baseline=baseline, corner_hz=corner_hz)
     if 1 < len(scenes) < FEWEST_RECORDS:
         raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
     blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)

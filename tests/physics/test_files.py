@@ -89,7 +89,7 @@ def test_files_of_esm_are_read(tmp_path):
     assert (record.interval, record.samples, record.units) == (0.005, (0.5, -1.25, 2.0), "cm/s2")
     for changed, says in (
         ({"NDATA": 4}, "got 3 samples, accepted: the 4 that the file states"),
-        ({"NDATA": "x"}, "got NDATA: 'x', accepted: a number of samples"),
+        ({"NDATA": "x"}, "got 'x', accepted: a number of samples"),
         ({"UNITS": "cm"}, "got the unit 'cm' of a displacement, accepted: an acceleration"),
         ({"UNITS": "mGal"}, "got the unknown unit 'mGal', accepted: g, "),
         ({"UNITS": None}, "got no line 'UNITS:'"),

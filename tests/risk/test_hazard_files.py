@@ -105,7 +105,7 @@ def test_a_comment_may_name_the_columns_or_the_measure(tmp_path):
     )
     with pytest.raises(ValueError, match=r"got 0\.003, .*, while a comment speaks of return periods or prob.*accepted"):
         read(tmp_path, "# probabilities in 50 years\n0.1,3e-3\n0.3,2e-4\n")
-    with pytest.raises(ValueError, match="line 1: unit of the intensity: got 'cm/s', accepted: g, "):
+    with pytest.raises(ValueError, match="unit of the intensity: got 'cm/s', accepted: g, "):
         read(tmp_path, "# PGA (cm/s), annual rate\n0.1,3e-3\n0.3,2e-4\n")
 
 
@@ -127,7 +127,19 @@ def test_a_time_may_stand_in_a_comment(tmp_path):
     assert certain.note.endswith("probabilities in 50 years; those of 1 (1) tell no rate and are left out.")
 
 
-NAMES = r"accepted: two numbers, or two names as in 'PGA \(g\),annual rate', 'PGV \(cm/s\),return period"
+@pytest.mark.parametrize(
+    ("comment", "rates", "asked"),
+    [("# 50 years", (0.4, 0.02), True), ("# T = 1 year", (0.4, 0.02), False), ("# 475-yr map", (2.0, 0.02), False),
+     ("#", (1.0, 1.0, 0.02), True), ("#", (1.0, 0.02), False)],
+)  # fmt: skip
+def test_rates_that_look_like_probabilities_draw_a_question(tmp_path, comment, rates, asked):
+    rows = "".join(f"{0.1 * k},{rate}\n" for k, rate in enumerate(rates, 1))
+    hazard = read(tmp_path, f"{comment}\nPGA (g),annual rate\n{rows}")
+    question = " Are they not probabilities in several years?" * asked
+    assert hazard.note == f"Its file gives PGA in g and annual rates.{question}"
+
+
+NAMES = r"accepted: two numbers, or two names as in 'PGA \(g\),annual rate', 'PGV \(cm/s\),return period.* \(line 1\)"
 ASKED = r"accepted: a first line that names the columns, as 'PGA \(g\),annual rate', "
 
 
@@ -135,35 +147,35 @@ ASKED = r"accepted: a first line that names the columns, as 'PGA \(g\),annual ra
     ("text", "said"),
     [
         ("", r"h\.csv: got no numbers"),
-        ("0.1,1e-2\nx,1\n", r"h\.csv, line 2: got 'x,1', accepted: an intensity and a rate"),
-        ("0.1,1e-2\n1\n", "line 2: got '1'"),
-        ("0.1,1e-2\n0.2,1e-3,3\n", "line 2: got '0.2,1e-3,3'"),
+        ("0.1,1e-2\nx,1\n", r"h\.csv: got 'x', accepted: finite numbers \(line 2\)"),
+        ("0.1,1e-2\n1\n", r"got '1', accepted: an intensity and a rate, two plain numbers \(line 2\)"),
+        ("0.1,1e-2\n0.2,1e-3,3\n", r"got '0.2,1e-3,3', accepted: an intensity and a rate, .* \(line 2\)"),
         # A first line is never dropped.
-        ("0.1,5e-2,note\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got '0.1,5e-2,note', {NAMES}"),
-        ("0.1 g,5e-2\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got '0.1 g,5e-2', {NAMES}"),
-        ("x,y\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'x,y', {NAMES}"),
-        ("spectral acceleration (g),rate\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'spectral .*', {NAMES}"),
-        ("PGA (g),exceedance\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'PGA .g.,exceedance', {NAMES}"),
-        ("PGA rate,PGV rate\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'PGA rate,PGV rate', {NAMES}"),
-        ("SA(1.0),rate\n0.2,1e-3\n0.3,1e-4\n", f"line 1: got 'SA.*', {NAMES}"),
-        ("PGA (cm/s),rate\n0.2,1e-3\n", r"line 1: unit of the intensity: got 'cm/s', accepted: g, m/s², cm/s², %g"),
-        ("PGA (g),poe\n0.2,1e-1\n", "line 1: got 'PGA .g.,poe', accepted: its time too, as in 'probability in 50 y"),
+        ("0.1,5e-2,note\n0.2,1e-3\n0.3,1e-4\n", f"got '0.1,5e-2,note', {NAMES}"),
+        ("0.1 g,5e-2\n0.2,1e-3\n0.3,1e-4\n", f"got '0.1 g,5e-2', {NAMES}"),
+        ("x,y\n0.2,1e-3\n0.3,1e-4\n", f"got 'x,y', {NAMES}"),
+        ("spectral acceleration (g),rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'spectral .*', {NAMES}"),
+        ("PGA (g),exceedance\n0.2,1e-3\n0.3,1e-4\n", f"got 'PGA .g.,exceedance', {NAMES}"),
+        ("PGA rate,PGV rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'PGA rate,PGV rate', {NAMES}"),
+        ("SA(1.0),rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'SA.*', {NAMES}"),
+        ("PGA (cm/s),rate\n0.2,1e-3\n", r"unit of the intensity: got 'cm/s', accepted: g, m/s², cm/s², %g"),
+        ("PGA (g),poe\n0.2,1e-1\n", "got 'PGA .g.,poe', accepted: its time too, as in 'probability in 50 y"),
         ("PGA (g),poe in 50 years\n0.2,10\n0.3,2\n", r"probability: got 10\.0, accepted: 0 to 1, or a name of the"),
         # No map has 18 g in 475 years.
         ("PGA,return period\n18,475\n34,2475\n", r"got PGA in no unit, up to 34 at 0\.0004 a y.*, 'PGA \(%g\)'$"),
         ("PGV,return period\n9,475\n17,2475\n", r"got PGV in no unit, up to 17 at .*'PGV \(m/s\)', 'PGV \(cm/s\)'"),
         ("PGA (g),return period\n0.2,0\n0.3,2\n", r"return period: got 0\.0, accepted: years above 0"),
         # Without names, what may be something else is asked.
-        ("0.1,475\n0.3,2475\n", rf"got 475, 2475, \.\.\. in .* column, that rise, as return periods do; {ASKED}"),
-        ("0.16,0.1\n0.31,0.02\n", rf"got 0\.1, 0\.02, .*, of which maps are drawn as prob.* in 50 years; {ASKED}"),
-        ("0.16,10\n0.31,2\n", rf"got 10, 2, \.\.\. in the second column, of which maps are drawn as .*; {ASKED}"),
-        ("0.01,.93\n0.1,.4\n1,.003", rf"got 0\.93, 0\.4, .*, from 0\.93 down, as of probabilities in .*; {ASKED}"),
-        ("1;2,475\n2;4,975\n", "line 1: got '1;2,475'"),
+        ("0.1,475\n0.3,2475\n", rf"got 475, 2475, \.\.\. in .* column, that rise, as return periods do, {ASKED}"),
+        ("0.16,0.1\n0.31,0.02\n", rf"got 0\.1, 0\.02, .*, of which maps are drawn as prob.* in 50 years, {ASKED}"),
+        ("0.16,10\n0.31,2\n", rf"got 10, 2, \.\.\. in the second column, of which maps are drawn as .*, {ASKED}"),
+        ("0.01,.93\n0.1,.4\n1,.003", rf"got 0\.93, 0\.4, .*, from 0\.93 down, as of probabilities in .*, {ASKED}"),
+        ("1;2,475\n2;4,975\n", r"got '1;2,475', accepted: an intensity and a rate, .* \(line 1\)"),
         ("0.1,1e-2\n0.1,1e-3\n", r"h\.csv: hazard\.intensity\[1\]: got 0\.1, accepted: values that rise"),
         ("0.1,3e-3\n0.2,3e-3\n", r"hazard\.rate\[1\]: got 0\.003, accepted: a rate that falls to the last point"),
         ("0.1,1e-2\n0.2,-1\n", r"hazard\.rate: got"),
         ("0.1,1e-2\n", r"hazard\.intensity: got"),
-        ("PGA (g),rate\n0.1,1e-2\n0.2,nan\n", r"hazard\.rate: got"),
+        ("PGA (g),rate\n0.1,1e-2\n0.2,nan\n", r"got 'nan', accepted: finite numbers \(line 3\)"),
     ],
 )  # fmt: skip
 def test_what_is_no_hazard_is_refused_with_what_to_write(tmp_path, text, said):

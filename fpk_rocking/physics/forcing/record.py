@@ -11,7 +11,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
-from fpk_rocking.physics.forcing.readers import read
+from fpk_rocking.physics.forcing.readers import reading
 from fpk_rocking.physics.forcing.readers.components import UNITS, unit_of
 from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Samples, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
@@ -133,32 +133,25 @@ class Record(TransientForcing):
             interval = checks.number("forcing.interval", interval, above=0.0)
         if component is not None and (isinstance(component, bool) or not isinstance(component, str | int)):
             raise TypeError(checks.refusal("forcing.component", component, "a name, or a number from 1"))
-        found = read(file, component, if_several=where_unstated)
+        found = reading(file).chosen(component, if_several=where_unstated)
+        says, unit, step = f"the file {str(file)!r}", found.unit or wanted, found.interval or interval
         if not where_unstated:
-            stated = f", as the file {str(file)!r} says, or nothing"
-            if wanted and found.unit and wanted != found.unit:
-                raise ValueError(checks.refusal("forcing.units", units, f"{found.unit!r}{stated}"))
-            if interval and found.interval and not math.isclose(interval, found.interval, rel_tol=1e-3):
-                raise ValueError(checks.refusal("forcing.interval", interval, f"{found.interval:g}{stated}"))
-        unit = found.unit or wanted
-        interval = found.interval if interval is None or (where_unstated and found.interval) else interval
-        missing = []
-        if not unit:
-            missing.append(
-                f"forcing.units: missing, the file {str(file)!r} does not say it, accepted: {', '.join(UNITS)}"
-            )
-        if interval is None:
-            accepted = "the seconds between two samples"
-            missing.append(f"forcing.interval: missing, the file {str(file)!r} does not say it, accepted: {accepted}")
-        if not unit or interval is None:
-            options = " and ".join(f"--{text[8 : text.index(':')]}" for text in missing)
-            raise ValueError(f"{'; '.join(missing)} (in a shell {options})")
+            if wanted and wanted != unit:
+                raise ValueError(checks.refusal("forcing.units", units, f"{unit!r}, as {says} says, or nothing"))
+            if interval and step and not math.isclose(interval, step, rel_tol=1e-3):
+                raise ValueError(checks.refusal("forcing.interval", interval, f"{step:g}, as {says} says, or nothing"))
+            step = interval or step
+        if not unit or not step:
+            accepted = {"units": ", ".join(UNITS)} if not unit else {}
+            accepted |= {"interval": "the seconds between two samples"} if not step else {}
+            lacks = [f"forcing.{key}: missing, {says} does not say it, accepted: {accepted[key]}" for key in accepted]
+            raise ValueError(f"{'; '.join(lacks)} (in a shell --{' and --'.join(accepted)})")
         samples, note = tuple(found.values.tolist()), " ".join(found.sentences)
         # Where one was chosen, a table of motions says which.
         chosen = found.name if component is not None and found.name not in found.event else ""
         event = ", ".join(filter(None, [found.event, chosen]))
         about = {"source": file.name, "event": event, "note": note}
-        return cls(interval, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
+        return cls(step, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:

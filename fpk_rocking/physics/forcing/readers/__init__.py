@@ -2,7 +2,6 @@
 
 import codecs
 import gzip
-import io
 import pathlib
 import re
 import zlib
@@ -21,7 +20,15 @@ from fpk_rocking.physics.forcing.readers import (
     traces,
     volumes,
 )
-from fpk_rocking.physics.forcing.readers.components import ACCEPTED, MOST, SEISMOMETER, Component, chosen, quantity_of
+from fpk_rocking.physics.forcing.readers.components import (
+    ACCEPTED,
+    MOST,
+    SEISMOMETER,
+    Component,
+    ReadingError,
+    chosen,
+    quantity_of,
+)
 
 FAMILIES: list[Any] = [peer, knet, dyna, cosmos, geonet, smc, volumes, asa, shake, columns]
 """Modules with NAME, ``recognized(lines)`` and ``components(lines)``; the first that recognizes a file reads it."""
@@ -32,73 +39,64 @@ _LARGEST = 64 * MOST
 class Reading(NamedTuple):
     """What a file has: the name of its format, its components, and whether its name may say more than its content."""
 
+    path: pathlib.Path
     format: str
     components: list[Component]
     unnamed: bool = False
 
+    def chosen(self, component: str | int | None = None, *, if_several: bool = False) -> Component:
+        """Return the `Component` that has a name or a number from 1, or the only one; else ValueError.
 
-def read(path: pathlib.Path, component: str | int | None = None, *, if_several: bool = False) -> Component:
-    """Return the `Component` of a file that has a name or a number from 1, or the only one; else ValueError.
-
-    With `if_several` the name counts only where more than one can be read.
-    """
-    found = reading(path)
-    try:
-        said = said_by_name(path, found)
-        if said:
-            raise ValueError(f"got a {said}, as the name of the file says, accepted: {ACCEPTED}")
-        return chosen(found.components, component, if_several=if_several)
-    except ValueError as error:
-        raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
+        With `if_several` the name counts only where more than one can be read.
+        """
+        try:
+            said = said_by_name(self)
+            if said:
+                raise ReadingError(f"a {said}, as the name of the file says", ACCEPTED)
+            return chosen(self.components, component, if_several=if_several)
+        except ReadingError as error:
+            raise ValueError(f"forcing.file: {str(self.path)!r}: {error}") from error
 
 
 def reading(path: pathlib.Path) -> Reading:
     """Return the named tuple `Reading` of a file; what is refused is an OSError or a ValueError that says why."""
-    data = _data(path)
     try:
-        text = _text(data)
-        if text is None:
-            found = traces.components(path)
-            if found is None:
-                raise ValueError(f"got binary data, accepted: a text file, or what ObsPy reads{traces.EXTRA}")
-            return Reading(*found, True)
-        lines = text.splitlines()
+        text = _text(_data(path))
+        lines = [] if text is None else text.splitlines()
         family = next(family for family in FAMILIES if family.recognized(lines))
         try:
-            return Reading(family.NAME, family.components(lines), family is columns)
-        except ValueError:
+            if text is None:
+                raise ReadingError("binary data", f"a text file, or what ObsPy reads{traces.EXTRA}")
+            return Reading(path, family.NAME, family.components(lines), family is columns)
+        except ReadingError:
             # ObsPy has formats of text too.
             found = traces.components(path) if family is columns else None
             if found is None:
                 raise
-            return Reading(*found, True)
-    except ValueError as error:
+            return Reading(path, *found, True)
+    except FileNotFoundError:
+        raise FileNotFoundError(f"forcing.file: no file {str(path)!r}") from None
+    except (OSError, EOFError, zlib.error) as error:
+        raise OSError(f"forcing.file: {str(path)!r} cannot be read ({error})") from None
+    except ReadingError as error:
         raise ValueError(f"forcing.file: {str(path)!r}: {error}") from None
 
 
 def _data(path):
-    """Bytes of a file, unpacked; OSError or ValueError if it is none, empty, or too large for a record."""
-    try:
-        size = path.stat().st_size
-        # A device or a pipe may never end.
-        if not path.is_file():
-            raise OSError("it is no file")
-        data = b"" if size > _LARGEST else path.read_bytes()
-        if data[:2] == b"\x1f\x8b":
-            try:
-                data = gzip.GzipFile(fileobj=io.BytesIO(data)).read(_LARGEST + 1)
-            except (EOFError, zlib.error) as error:
-                raise OSError(f"as gzip: {error}") from None
-            size = len(data)
-        if size > _LARGEST:
-            accepted = f"at most {_LARGEST} bytes, and {MOST} samples"
-            raise ValueError(f"forcing.file: {str(path)!r}: got {size} bytes, accepted: {accepted}")
-    except FileNotFoundError:
-        raise FileNotFoundError(f"forcing.file: no file {str(path)!r}") from None
-    except OSError as error:
-        raise OSError(f"forcing.file: {str(path)!r} cannot be read ({error})") from None
+    """Bytes of a file, unpacked; OSError or `ReadingError` if it is none, empty, or too large for a record."""
+    size = path.stat().st_size
+    # A device or a pipe may never end.
+    if not path.is_file():
+        raise OSError("it is no file")
+    data = b"" if size > _LARGEST else path.read_bytes()
+    if data[:2] == b"\x1f\x8b":
+        with gzip.open(path) as file:
+            data = file.read(_LARGEST + 1)
+        size = len(data)
+    if size > _LARGEST:
+        raise ReadingError(f"{size} bytes", f"at most {_LARGEST} bytes, and {MOST} samples")
     if not data.strip():
-        raise ValueError(f"forcing.file: {str(path)!r}: got an empty file, accepted: a record")
+        raise ReadingError("an empty file", "a record")
     return data
 
 
@@ -117,14 +115,13 @@ def _text(data):
     return None if "\0" in text else text
 
 
-def said_by_name(path: pathlib.Path, found: Reading) -> str:
+def said_by_name(found: Reading) -> str:
     """What a file's name says that a record may not be: "velocity", "vertical component", ...; "" for nothing."""
+    path = found.path.with_suffix("") if found.path.suffix.lower() == ".gz" else found.path
     stem, suffix = path.stem, path.suffix.lower().lstrip(".")
-    if suffix == "gz":
-        stem, suffix = pathlib.Path(stem).stem, pathlib.Path(stem).suffix.lower().lstrip(".")
-    kinds = {"vt2": "velocity", "vel": "velocity", "dt2": "displacement", "dis": "displacement", "disp": "displacement"}
-    if suffix in kinds:
-        return kinds[suffix]
+    kind = re.fullmatch(r"(vt2|vel)|(dt2|disp?)", suffix)
+    if kind:
+        return "velocity" if kind[1] else "displacement"
     if not found.unnamed:
         return ""
     # Words end at capitals too: velocityHistory.
@@ -133,16 +130,10 @@ def said_by_name(path: pathlib.Path, found: Reading) -> str:
     # Motions that match a spectrum are motions.
     fits = re.search("match|compat|target", stem, re.IGNORECASE)
     said = [quantity for quantity in said if quantity and not (fits and "spectr" in quantity)]
-    if "acceleration" not in said and any(map(SEISMOMETER.fullmatch, words)):
-        said.append("seismometer's velocity")
+    said += ["seismometer's velocity"] * any(map(SEISMOMETER.fullmatch, words))
     if said and "acceleration" not in said:
         return said[0]
-    if len(found.components) > 1:
-        return ""
-    if any(re.fullmatch(r"[A-Z][NLG]Z", word) for word in words):
-        return "vertical component"
     last = words[-1].upper()
-    vertical = re.fullmatch(r"ud\d?|z", suffix) or (
-        len(words) > 1 and re.fullmatch(r"UP|UD\d?|U|Z|V|VERT\w*|DN|DWN", last)
-    )
-    return "vertical component" if vertical else ""
+    ends = re.fullmatch(r"ud\d?|z", suffix) or (len(words) > 1 and re.fullmatch(r"UP|UD\d?|[UZV]|VERT\w*|DW?N", last))
+    vertical = ends or any(re.fullmatch(r"[A-Z][NLG]Z", word) for word in words)
+    return "vertical component" if vertical and len(found.components) == 1 else ""

@@ -1,39 +1,34 @@
 """Components of a record file: their units and quantities, what speaks against one, and which one is read."""
 
 import dataclasses
+import math
 import re
 from collections.abc import Sequence
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
 
 MOST = 2**20
 """Most samples: 87 minutes at 200 Hz."""
 
-UNITS = {
-    "g": 9.80665,
-    "m/s2": 1.0,
-    "cm/s2": 0.01,
-    "mm/s2": 1e-3,
-    "mg": 9.80665e-3,
-    "g/10": 0.980665,
-    "%g": 9.80665e-2,
-    "ft/s2": 0.3048,
-    "in/s2": 0.0254,
-}
+UNITS = {"g": 9.80665, "m/s2": 1.0, "cm/s2": 0.01, "mm/s2": 1e-3, "mg": 9.80665e-3, "g/10": 0.980665}
+UNITS |= {"%g": 9.80665e-2, "ft/s2": 0.3048, "in/s2": 0.0254}
 """Metres per second squared of a unit of acceleration."""
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
+"""Seconds in a unit of time."""
 
 ACCEPTED = "a horizontal acceleration of the base"
 
 _LENGTHS = {"cms": "cm", "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
-_LENGTH = r"(mm|cms?|m|ft|feet|foot|in|inch(?:es)?)"
-_PER_SECOND_SQUARED = re.compile(rf"{_LENGTH}[/._·*(]*(?:s/s|s\(?-?2|ss|ps2|s_2|s\*2)\)?")
-_OTHER_UNITS = {
-    "velocity": re.compile(rf"{_LENGTH}[/._·]*(?:s|ps|s-1)|kines?"),
-    "displacement": re.compile(_LENGTH),
-    "counts": re.compile(r"counts?|volts?|v|mv|digits?"),
-}
+_UNIT = re.compile(
+    r"(?P<length>mm|cms?|m|ft|feet|foot|in|inch(?:es)?)"
+    r"(?:[/._·*(]*(?:(?P<squared>s/s|s\(?-?2|ss|ps2|s_2|s\*2)\)?|(?P<once>s|ps|s-1)))?"
+)
+_SHORT = {"gal": "cm/s2", "gals": "cm/s2", "percentg": "%g", "milli-g": "mg", "kine": "cm/s", "kines": "cm/s"}
+_SHORT |= {"millis": "ms", "mins": "min", "minute": "min", "minutes": "min"}
 
 _QUANTITIES = {
     "response spectrum": r"spectr|fourier|\bp?sa\b|\bpsv\b|\bperiods?\b|\bfreq",
@@ -54,26 +49,39 @@ SEISMOMETER = re.compile(r"[A-Z]H[NEZ123]")
 """SEED's name of a channel that records a velocity; of an accelerometer the second letter is N, L or G."""
 
 
-def unit_of(text: str) -> str | None:
-    """Key of `UNITS` that a text such as "cm/sec^2" means, or None."""
-    word = _plain(text)
-    match = _PER_SECOND_SQUARED.fullmatch(word)
+class ReadingError(ValueError):
+    """A file has what is not read: what was got, what is accepted, and the number of its line, or 0."""
+
+    def __init__(self, got: str, accepted: str, line: int = 0):
+        super().__init__(f"got {got}, accepted: {accepted}" + f" (line {line})" * (line > 0))
+        self.got, self.accepted = got, accepted
+
+
+def measured(text: str) -> tuple[str, str]:
+    """(quantity, unit) that a text such as "cm/sec^2" means: a key of `UNITS`, `SECONDS`, or another; else ("", "")."""
+    word = re.sub(r"\s+|\^|\*\*|[{}]", "", text.lower()).replace("²", "2").strip(".:,;'\"")
+    word = re.sub(r"seconds?|secs?", "s", word)
+    word = _SHORT.get(word, word)
+    if word in UNITS or word in SECONDS:
+        return "acceleration" if word in UNITS else "time", word
+    match = _UNIT.fullmatch(word)
     if match:
-        return f"{_LENGTHS.get(match[1], match[1])}/s2"
-    short = {"gal": "cm/s2", "gals": "cm/s2", "percentg": "%g", "milli-g": "mg"}.get(word, word)
-    return short if short in UNITS else None
+        power = 2 if match["squared"] else 1 if match["once"] else 0
+        length = _LENGTHS.get(match["length"], match["length"])
+        return ("displacement", "velocity", "acceleration")[power], length + ("", "/s", "/s2")[power]
+    return ("counts", word) if re.fullmatch(r"counts?|volts?|v|mv|digits?", word) else ("", "")
+
+
+def unit_of(text: str) -> str | None:
+    """Key of `UNITS` that a text means, or None."""
+    quantity, unit = measured(text)
+    return unit if quantity == "acceleration" else None
 
 
 def quantity_of_unit(text: str) -> str:
     """The quantity other than an acceleration that a unit measures: "velocity", "displacement", "counts"; else ""."""
-    word = _plain(text)
-    return next((name for name, pattern in _OTHER_UNITS.items() if pattern.fullmatch(word)), "")
-
-
-def _plain(text):
-    """A unit in lower case, without blanks and marks of powers, seconds as s."""
-    word = re.sub(r"\s+|\^|\*\*|[{}]", "", text.lower()).replace("²", "2").strip(".:,;'\"")
-    return re.sub(r"seconds?|secs?", "s", word)
+    quantity, _ = measured(text)
+    return "" if quantity in ("acceleration", "time") else quantity
 
 
 def quantity_of(text: str) -> str:
@@ -102,7 +110,7 @@ class Component:
     interval : float or None
         Seconds between them; None where the file does not say it.
     unit : str
-        Key of `UNITS`, or another text that the file says; "" where it says none.
+        Key of `UNITS` in any spelling, or another text that the file says; "" where it says none.
     quantity : str
         "acceleration", or what else it is; "" for a column of unknown meaning, which is read only where it is asked
         for.
@@ -110,10 +118,10 @@ class Component:
         Whether the file says so by more than the name.
     notes : tuple of str
         Sentences on what a user should know.
-    peak : float or None
-        Peak that the file states, in `unit`.
+    peak : float
+        Peak that the file states, in `unit`; nan where it states none.
     event : str
-        Event, date and station.
+        Event, date and station; at most 200 characters that a terminal shows are kept.
     """
 
     name: str
@@ -123,8 +131,12 @@ class Component:
     quantity: str = "acceleration"
     vertical: bool = False
     notes: tuple[str, ...] = ()
-    peak: float | None = None
+    peak: float = math.nan
     event: str = ""
+
+    def __post_init__(self):
+        shown = "".join(letter if letter.isprintable() else " " for letter in self.event)
+        checks.keep(self, unit=unit_of(self.unit) or self.unit, event=" ".join(shown.split())[:200])
 
     @property
     def azimuth(self) -> float | None:
@@ -141,40 +153,37 @@ class Component:
         return None if not letters else 0.0 if letters[1][0] == "N" else 90.0
 
     @property
-    def objection(self) -> str:
-        """Why the component is not read, "got ..., accepted: ..."; "" where nothing speaks against it."""
-        named = f" {self.name!r}" if self.name else ""
+    def objection(self) -> ReadingError | None:
+        """Why the component is not read; None where nothing speaks against it."""
+        named, other = f" {self.name!r}" if self.name else "", quantity_of_unit(self.unit)
         if self.quantity not in ("acceleration", ""):
-            return f"got a {self.quantity}{named}, accepted: {ACCEPTED}".replace("a counts", "raw counts")
+            return ReadingError(f"a {self.quantity}{named}".replace("a counts", "raw counts"), ACCEPTED)
         if self.vertical or is_vertical(self.name):
-            return f"got the vertical component{named}, accepted: a horizontal one, as the base moves horizontally"
-        other = quantity_of_unit(self.unit)
+            return ReadingError(f"the vertical component{named}", "a horizontal one, as the base moves horizontally")
         if other:
-            return f"got the unit {self.unit!r} of a {other}{named}, accepted: an acceleration in {', '.join(UNITS)}"
+            return ReadingError(f"the unit {self.unit!r} of a {other}{named}", f"an acceleration in {', '.join(UNITS)}")
         if self.unit and self.unit not in UNITS:
-            return f"got the unknown unit {self.unit!r}{named}, accepted: {', '.join(UNITS)}"
-        return ""
+            return ReadingError(f"the unknown unit {self.unit!r}{named}", ", ".join(UNITS))
+        return None
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """The notes, and a stated peak that the samples do not have to a tenth, with or without their mean."""
-        found = [float(np.abs(self.values - mean).max()) for mean in (0.0, self.values.mean())]
-        if self.peak is None or any(abs(abs(self.peak) - peak) <= 0.1 * peak + 1e-3 for peak in found):
+        found, stated = [float(np.abs(self.values - mean).max()) for mean in (0.0, self.values.mean())], abs(self.peak)
+        if math.isnan(stated) or any(abs(stated - peak) <= 0.1 * peak + 1e-3 for peak in found):
             return self.notes
-        return (*self.notes, f"The file states a peak of {abs(self.peak):g}, its samples have {found[0]:.4g}.")
+        return (*self.notes, f"The file states a peak of {stated:g}, its samples have {found[0]:.4g}.")
 
     @property
     def description(self) -> str:
         """Name, azimuth and peak of the component, or why it is not read, as a text."""
-        if self.objection:
-            return f"{self.name or 'no name'} (not read: {self.objection.removeprefix('got ').split(', accepted')[0]})"
         azimuth = "" if self.azimuth is None else f", {self.azimuth:g}°"
-        peak = f"peak {np.abs(self.values).max():.4g} {self.unit or '(unit not said)'}"
-        return f"{self.name or 'no name'} ({peak}{azimuth})"
+        text = f"peak {np.abs(self.values).max():.4g} {self.unit or '(unit not said)'}{azimuth}"
+        return f"{self.name or 'no name'} ({f'not read: {self.objection.got}' if self.objection else text})"
 
 
 def chosen(components: Sequence[Component], wanted: str | int | None, *, if_several: bool = False) -> Component:
-    """The component with a name or a number from 1, or the only one that can be read; else ValueError.
+    """The component with a name or a number from 1, or the only one that can be read; else `ReadingError`.
 
     With `if_several` what is wanted counts only where more than one can be read.
     """
@@ -183,16 +192,17 @@ def chosen(components: Sequence[Component], wanted: str | int | None, *, if_seve
     if wanted is None or (if_several and len(usable) == 1):
         if len(usable) == 1:
             return usable[0]
-        if all(component.objection for component in components):
-            raise ValueError(components[0].objection + f"; the file has: {listed}" * (len(components) > 1))
+        objections = [component.objection for component in components]
+        if objections[0] and all(objections):
+            more = f"; the file has: {listed}" * (len(components) > 1)
+            raise ReadingError(objections[0].got, objections[0].accepted + more)
         got = f"{len(components)} components" if len(components) > 1 else "a column whose name says no acceleration"
-        accepted = f"one of them by component (in a shell --component), its name or its number: {listed}"
-        raise ValueError(f"got {got}, accepted: {accepted}")
+        raise ReadingError(got, f"one of them by component (in a shell --component), its name or its number: {listed}")
     component = _named(components, wanted)
     if component is None:
-        raise ValueError(f"got the component {wanted!r}, accepted: a name or a number of {listed}")
+        raise ReadingError(f"the component {wanted!r}", f"a name or a number of {listed}")
     if component.objection:
-        raise ValueError(component.objection)
+        raise component.objection
     return component
 
 
@@ -202,20 +212,13 @@ def _named(components, wanted):
     if re.fullmatch(r"\d+", text) and 1 <= int(text) <= len(components):
         return components[int(text) - 1]
     name = _letters(text)
-    found = [component for component in components if _letters(component.name) == name]
-    if not found:
-        found = [
-            component
-            for component in components
-            if name in map(_letters, re.split(r"[\s_()\[\],;:/]+", component.name))
-        ]
+    found = [one for one in components if _letters(one.name) == name] or [
+        one for one in components if name in map(_letters, re.split(r"[\s_()\[\],;:/]+", one.name))
+    ]
     if not found and name in _AXES:
         # Archives write one direction as N-S, N00E, 360 Deg or N(+), and one option serves for all of them.
-        found = [
-            component
-            for component in components
-            if component.azimuth is not None and component.azimuth % 180.0 == _AXES[name] and not component.objection
-        ]
+        lying = [(one, one.azimuth) for one in components if not one.objection]
+        found = [one for one, azimuth in lying if azimuth is not None and azimuth % 180.0 == _AXES[name]]
     return found[0] if name and len(found) == 1 else None
 
 

@@ -1,9 +1,7 @@
 """ESM, ITACA and AFAD (DYNA): lines ``NAME: value``, any number of them, and a sample a line."""
 
-import math
-
-from fpk_rocking.physics.forcing.readers import fields
-from fpk_rocking.physics.forcing.readers.components import Component, quantity_of, unit_of
+from fpk_rocking.physics.forcing.readers import fields, headers
+from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
 
 NAME = "ESM"
 
@@ -16,27 +14,13 @@ def recognized(lines: list[str]) -> bool:
 
 def components(lines: list[str]) -> list[Component]:
     """The component of a file."""
-    end = next((number for number, line in enumerate(lines) if fields.is_numeric(line)), len(lines))
-    header = {
-        name.strip(): value.strip() for name, colon, value in (line.partition(":") for line in lines[:end]) if colon
-    }
+    begin = next((place for place, line in enumerate(lines) if fields.is_numeric(line)), len(lines))
+    said = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines[:begin])}
     for name in ("SAMPLING_INTERVAL_S", "NDATA", "UNITS"):
-        if not header.get(name):
-            raise ValueError(f"got no line '{name}:' in the header, accepted: a file of ESM")
-    if not header["NDATA"].isdecimal():
-        raise ValueError(f"got NDATA: {header['NDATA']!r}, accepted: a number of samples")
-    samples = fields.values(lines[end:], int(header["NDATA"]))
-    quantity = quantity_of(header.get("DATA_TYPE", "")) or "acceleration"
-    peak = fields.number(header.get("PGA_CM/S^2", ""))
-    about = (header.get(name, "") for name in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STATION_NAME"))
-    return [
-        Component(
-            header.get("STREAM", ""),
-            samples,
-            fields.seconds(header["SAMPLING_INTERVAL_S"]),
-            unit_of(header["UNITS"]) or header["UNITS"],
-            quantity,
-            peak=None if math.isnan(peak) else peak,
-            event=fields.printable(", ".join(filter(None, about))),
-        )
-    ]
+        if not said.get(name):
+            raise ReadingError(f"no line '{name}:' in the header", "a file of ESM")
+    about = (said.get(name) for name in ("EVENT_NAME", "EVENT_DATE_YYYYMMDD", "STATION_CODE", "STATION_NAME"))
+    quantity, peak = headers.quantity([said.get("DATA_TYPE", "")]), fields.number(said.get("PGA_CM/S^2"))
+    samples, interval = fields.values(lines[begin:], said["NDATA"]), fields.seconds(said["SAMPLING_INTERVAL_S"])
+    name, event = said.get("STREAM", ""), ", ".join(filter(None, about))
+    return [Component(name, samples, interval, said["UNITS"], quantity, peak=peak, event=event)]

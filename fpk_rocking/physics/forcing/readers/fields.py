@@ -1,13 +1,14 @@
-"""Numbers in text: words, fields of fixed width, what a header states, and times."""
+"""Numbers in text: words, fields of fixed width, blocks of them, and times."""
 
+import itertools
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.readers.components import MOST, UNITS, quantity_of_unit, unit_of
+from fpk_rocking.physics.forcing.readers.components import MOST, ReadingError
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EeDd][-+]?\d+)?"
 
@@ -22,8 +23,21 @@ def is_numeric(line: str) -> bool:
     return bool(re.search(r"[\d*]", line)) and not _LETTERS.search(re.sub(r"(?<=[\d.])[EeDd](?=[-+\d])", "", line))
 
 
+def blocks(lines: Sequence[str]) -> Iterator[tuple[list[str], list[str]]]:
+    """(text, numbers): lines of text but for what ends a channel, and lines of numbers, none below the last text."""
+    text: list[str] = []
+    for numeric, group in itertools.groupby(lines, is_numeric):
+        if not numeric:
+            text = [line for line in group if not re.match(r"\s*(?:/&|end-of-data)", line, re.IGNORECASE)]
+        elif text:
+            yield text, list(group)
+            text = []
+    if any(map(str.strip, text)):
+        yield text, []
+
+
 def numbers(words: Sequence[str], lines: Sequence[int] = ()) -> Array:
-    """Words (n) as finite numbers; ValueError, with the number of the line if `lines` are given."""
+    """Words (n) as finite numbers; `ReadingError`, with the number of the line if `lines` are given."""
     try:
         values = np.array(words, dtype=float)
     except ValueError:
@@ -31,14 +45,13 @@ def numbers(words: Sequence[str], lines: Sequence[int] = ()) -> Array:
     # Python reads 1_0 as 10.
     wild = np.flatnonzero(~np.isfinite(values) | np.array(["_" in word for word in words], dtype=bool))
     if wild.size:
-        where = f" (line {lines[wild[0]]})" if lines else ""
-        raise ValueError(f"got {words[wild[0]][:40]!r}, accepted: finite numbers{where}")
+        raise ReadingError(repr(words[wild[0]][:40]), "finite numbers", lines[wild[0]] if lines else 0)
     return values
 
 
-def number(word: str) -> float:
+def number(word: str | None) -> float:
     """A word as a float, with Fortran's D as exponent; nan where it is no number."""
-    return float(word.upper().replace("D", "E")) if _NUMBER.fullmatch(word) else math.nan
+    return float(word.upper().replace("D", "E")) if word and _NUMBER.fullmatch(word) else math.nan
 
 
 def parted(word: str) -> list[str]:
@@ -48,127 +61,64 @@ def parted(word: str) -> list[str]:
     return parts if signed and "".join(parts) == word else [word]
 
 
-def values(lines: Sequence[str], count: int, form: str = "", what: str = "samples") -> Array:
+def values(lines: Sequence[str], count: int | str, form: str = "", what: str = "samples") -> Array:
     """The stated `count` of numbers in lines, apart by blanks or in fields of a FORTRAN format such as "(8F10.5)"."""
-    check_count(count)
+    count = integer(count)
     words = " ".join(lines).split()
     match = re.search(r"(\d+)?\s*[EFDGI](\d+)(?:\.\d+)?", form.upper())
     if len(words) != count and match:
         width, most = int(match[2]), int(match[1] or 1) * int(match[2])
         fields = [line[k : k + width].strip() for line in lines for k in range(0, min(len(line.rstrip()), most), width)]
-        if len(fields) == count and all(map(_NUMBER.fullmatch, fields)):
-            words = fields
+        words = fields if len(fields) == count and all(map(_NUMBER.fullmatch, fields)) else words
     if len(words) != count:
         glued = [part for word in words for part in parted(word)]
         words = glued if len(glued) == count else words
     if len(words) != count:
         # A word that is not a number explains more than their count; the last one may be cut off.
         numbers(words[:-1])
-        raise ValueError(f"got {len(words)} {what}, accepted: the {count} that the file states")
+        raise ReadingError(f"{len(words)} {what}", f"the {count} that the file states")
     return numbers(words)
 
 
-def integer(text: str) -> int:
-    """The count of samples that a text is, if a record may have so many; else ValueError."""
-    return check_count(int(text) if len(text) < 10 else 10**9)
-
-
-def check_count(count: int) -> int:
-    """`count`, if a record may have so many samples; else ValueError."""
+def integer(count: int | str) -> int:
+    """A count of samples, or its text, as a number, if a record may have so many; else `ReadingError`."""
+    if not str(count).isdecimal():
+        raise ReadingError(repr(count), "a number of samples")
+    count = int(count) if len(str(count)) < 10 else 10**9
     if not 2 <= count <= MOST:
-        raise ValueError(f"got {count} samples, accepted: 2 to {MOST}")
+        raise ReadingError(f"{count} samples", f"2 to {MOST}")
     return count
 
 
-def stated(lines: Iterable[str], *patterns: str) -> str | None:
-    """First group of the first pattern that the lines have, or None; ValueError where they have it in two values."""
-    for pattern in patterns:
-        found = dict.fromkeys(match for line in lines for match in re.findall(pattern, line, re.IGNORECASE))
-        firsts = {text: re.match(rf"(?:[(\[]\w+[)\]])?[\s=:]*({NUMBER})", text) for text in found}
-        distinct = {number(first[1]) if first else text for text, first in firsts.items()}
-        if len(distinct) > 1:
-            raise ValueError(f"got a header with {' and '.join(map(repr, found))} for one thing, accepted: one of them")
-        if found:
-            return next(iter(found))
-    return None
-
-
-def required(what: str, lines: Iterable[str], *patterns: str) -> str:
-    """As `stated`; ValueError where the lines have none of the patterns."""
-    found = stated(list(lines), *patterns)
-    if found is None:
-        raise ValueError(f"got a header without {what}, accepted: one that states it")
-    return found
-
-
 def seconds(word: str, unit: float = 1.0) -> float:
-    """An interval in seconds; ValueError where it is not above 0."""
+    """An interval in seconds; `ReadingError` where it is not above 0."""
     value = float(numbers([word.upper().replace("D", "E")])[0]) * unit
     if not 0.0 < value < math.inf:
-        raise ValueError(f"got the interval {word}, accepted: a number above 0")
+        raise ReadingError(f"the interval {word}", "a number above 0")
     return value
 
 
-def unit_said(lines: Iterable[str]) -> str:
-    """Unit that a header says, key of `UNITS` or the unit of another quantity; "" for none.
-
-    A word after "unit" that is no unit is returned as it is.
-    """
-    found = {}
-    for line in lines:
-        match = re.search(r"(?:\b[Uu]|(?<=[a-z])U)nits?\b|UNITS?\b|UNIDADES", line)
-        if not match:
-            continue
-        rest = re.sub(r"1\.0* (?=mm)", "", line[match.end() :])
-        words = [word.strip(".:") for word in re.findall(r"[^\s,;()\[\]=]+", rest)]
-        known = [unit_of(word) or word for word in words if unit_of(word) or quantity_of_unit(word)]
-        known = [word for word in known if word.lower() not in ("in", "m", "v")] or known
-        if known:
-            found[known[0]] = True
-        else:
-            other = [
-                word for word in words if word.lower() not in ("of", "are", "is", "in", "the", "de", "los", "datos")
-            ]
-            found[other[0][:40] if other else ""] = True
-    found.pop("", None)
-    if len(found) > 1:
-        raise ValueError(f"got a header with the units {' and '.join(found)}, accepted: one of {', '.join(UNITS)}")
-    return next(iter(found), "")
-
-
-def printable(text: str) -> str:
-    """A line of text, at most 200 characters, without what a terminal or a page could not show."""
-    return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())[:200]
-
-
 def interval_of(times: Array, words: Sequence[str], lines: Sequence[int] = ()) -> float:
-    """Interval of times (n,), seconds; ValueError, with the number of the line, where they are not equally spaced."""
-    at = [f" (line {line})" for line in lines] or [""] * len(times)
+    """Interval of times (n,), seconds; `ReadingError`, with the line's number, where they are not equally spaced."""
     steps = np.diff(times)
-    interval = (times[-1] - times[0]) / (len(times) - 1)
+    interval = float((times[-1] - times[0]) / (len(times) - 1))
     late = times - (times[0] + interval * np.arange(len(times)))
     # Files round times.
     if (steps > 0.0).all() and np.abs(late).max() <= 0.02 * interval:
-        return float(interval)
+        return interval
     rounded = _rounded_interval(times, words)
     if rounded:
         return rounded
     usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     place = int(np.argmax(np.abs(steps - usual) > 0.02 * usual))
     # A time that is too late is itself what is wrong, not the next one, which it may be after.
-    if not steps[place] > 0.0:
-        raise ValueError(
-            f"got the time {times[place + 1]:g} after {times[place]:g}, accepted: ascending times{at[place + 1]}"
-        )
-    # Where each step is usual, the sum of what they are off is not.
-    if np.ptp(steps) > 0.04 * usual:
-        expected = times[place] + usual
-    else:
+    rises = bool(steps[place] > 0.0)
+    if rises and np.ptp(steps) <= 0.04 * usual:
+        # Where each step is usual, the sum of what they are off is not.
         place = int(np.argmax(np.abs(late))) - 1
-        expected = times[place + 1] - late[place + 1]
-    raise ValueError(
-        f"got the time {times[place + 1]:g} for {expected:g}, accepted: equally spaced times{at[place + 1]}"
-    )
+        usual = times[place + 1] - late[place + 1] - times[place]
+    got = f"the time {times[place + 1]:g} " + (f"for {times[place] + usual:g}" if rises else f"after {times[place]:g}")
+    raise ReadingError(got, f"{'equally spaced' if rises else 'ascending'} times", lines[place + 1] if lines else 0)
 
 
 def _rounded_interval(times, words):
@@ -186,10 +136,8 @@ def _rounded_interval(times, words):
         low, high = (ends + sign * 2.0 * half / (len(times) - 1) for sign in (-1.0, 1.0))
         for _ in range(60):
             first, second = low + (high - low) / 3.0, high - (high - low) / 3.0
-            if np.ptp(times - first * count) <= np.ptp(times - second * count):
-                high = second
-            else:
-                low = first
+            rises = np.ptp(times - first * count) <= np.ptp(times - second * count)
+            low, high = (low, second) if rises else (first, high)
         interval = float(0.5 * (low + high))
         if np.ptp(times - interval * count) <= 2.0 * half * (1.0 + 1e-6) + 1e-12 * abs(times[-1]) and interval > 0.0:
             return interval

@@ -2,57 +2,33 @@
 
 import re
 
-from fpk_rocking.physics.forcing.readers import fields
-from fpk_rocking.physics.forcing.readers.components import Component, unit_of
+from fpk_rocking.physics.forcing.readers import fields, headers
+from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
 
 NAME = "GeoNet"
 
-_TEXTS, _HEADER, _FORM = 16, 10, "(10F8.3)"
+_TEXTS, _HEADER = 16, 10
+
+_PEAK = re.compile(rf"^acceleration:\s*peak\s+({fields.NUMBER})\s*(\S+)", re.IGNORECASE | re.MULTILINE)
 
 
 def recognized(lines: list[str]) -> bool:
     """Whether the texts are those of a GeoNet file."""
     head = " ".join(lines[:_TEXTS]).lower()
-    return "corrected accelerogram" in head and "number of points" in head and "displacement" in head and "rms" in head
+    return all(words in head for words in ("corrected accelerogram", "number of points", "displacement", "rms"))
 
 
 def components(lines: list[str]) -> list[Component]:
     """The accelerations of all components; a V2A file has velocities and displacements behind them."""
-    found, place = [], 0
-    lines = [line.rstrip() for line in lines]
-    while place < len(lines) and any(lines[place:]):
-        texts, header = lines[place : place + _TEXTS], lines[place + _TEXTS : place + _TEXTS + _HEADER]
-        place += _TEXTS + _HEADER
-        if len(header) < _HEADER or not all(map(fields.is_numeric, header)) or any(map(fields.is_numeric, texts[:4])):
-            raise ValueError(
-                f"got other lines than 16 of text and 10 of numbers up to line {place}, accepted: GeoNet's"
-            )
-        count = int(fields.required("the number of points", texts, r"number of points\s+(\d+)"))
-        counts = [int(number) for number in fields.values(header[3:4], 10)[3:6]]
-        interval = fields.required(
-            "an interval",
-            texts,
-            rf"intervals of\s+({fields.NUMBER})\s*s",
-            rf"at\s+({fields.NUMBER})\s*sec\w* intervals",
-        )
-        peak = rf"acceleration:\s*peak\s+({fields.NUMBER})\s*(\S+)"
-        match = next(filter(None, (re.search(peak, text, re.IGNORECASE) for text in texts)), None)
-        if count != counts[0] or not match:
-            raise ValueError(
-                f"got {count} points in the text, {counts[0]} in the header, accepted: equal ones, and a peak"
-            )
-        rows = -(-count // 10)
-        samples = fields.values(lines[place : place + rows], count, _FORM)
-        name = fields.stated(texts, r"^component\s+(\S+)") or ""
-        found.append(
-            Component(
-                name,
-                samples,
-                fields.seconds(interval),
-                unit_of(match[2]) or match[2],
-                peak=float(match[1]),
-                event=fields.printable(", ".join(texts[1:3])),
-            )
-        )
-        place += sum(-(-number // 10) for number in counts)
+    found = []
+    for texts, rows in fields.blocks([line.rstrip() for line in lines]):
+        counts = fields.values(rows[3:4], 10)[3:6].astype(int).tolist()
+        lines_of = [-(-count // 10) for count in counts]
+        peak = _PEAK.search("\n".join(texts))
+        if len(texts) != _TEXTS or len(rows) != _HEADER + sum(lines_of) or not peak:
+            accepted = f"{_TEXTS} with the peak, and {_HEADER + sum(lines_of)} as the header states"
+            raise ReadingError(f"{len(texts)} lines of text, {len(rows)} of numbers", accepted)
+        samples = fields.values(rows[_HEADER : _HEADER + lines_of[0]], counts[0], "(10F8.3)")
+        name, event = headers.stated(texts, r"^component\s+(\S+)") or "", ", ".join(texts[1:3])
+        found.append(Component(name, samples, headers.interval(texts), peak[2], peak=float(peak[1]), event=event))
     return found

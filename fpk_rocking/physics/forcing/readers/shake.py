@@ -22,10 +22,9 @@ def components(lines: list[str]) -> list[Component]:
     matches = [(place, match) for place, match in enumerate(map(_HEADER.match, lines)) if match]
     found, ends = [], [*(place - 1 for place, _ in matches[1:]), len(lines)]
     for (place, header), end in zip(matches, ends, strict=True):
-        title = fields.printable(lines[place - 1])
-        samples = fields.values(lines[place + 1 : end], int(header[1]), "(8F10.6)")
+        title = " ".join(lines[place - 1].split())
         name = title.partition(" - ")[0].replace("ACCE. TH AT ", "")
         quantity = "acceleration" if "ACCE" in title.upper() else quantity_of(title) or "unknown quantity"
-        interval, peak = fields.seconds(header[2]), float(header[3])
-        found.append(Component(name, samples, interval, "g", quantity, peak=peak, event=title))
+        samples, interval = fields.values(lines[place + 1 : end], header[1], "(8F10.6)"), fields.seconds(header[2])
+        found.append(Component(name, samples, interval, "g", quantity, peak=float(header[3]), event=title))
     return found

@@ -5,8 +5,8 @@ import warnings
 
 import numpy as np
 
-from fpk_rocking.physics.forcing.readers.components import Component
-from fpk_rocking.physics.forcing.readers.fields import check_count
+from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
+from fpk_rocking.physics.forcing.readers.fields import integer
 
 EXTRA = ' (pip install "fpk-rocking[obspy]")'
 
@@ -36,31 +36,22 @@ def components(path: pathlib.Path) -> tuple[str, list[Component]] | None:
 
 def _component(trace, form):
     """The component of a trace."""
-    calib, channel = float(trace.stats.calib), trace.stats.channel
-    if calib != 1.0 and form not in _CALIBRATED:
-        raise ValueError(
-            f"got a calibration factor of {calib:g} in the header ({form}), accepted: 1, as it may be in the samples "
-            "already, or count for another unit: write the accelerations out, with trace.stats.calib = 1"
+    about, calibrated = trace.stats, form in _CALIBRATED
+    calib, channel, sac = float(about.calib), about.channel, getattr(about, "sac", {})
+    if calib != 1.0 and not calibrated:
+        accepted = "1, as it may be in the samples already, or count for another unit: write the accelerations out"
+        raise ReadingError(
+            f"a calibration factor of {calib:g} in the header ({form})", f"{accepted}, with trace.stats.calib = 1"
         )
-    check_count(len(trace.data))
+    integer(len(trace.data))
     samples = np.ma.filled(np.asanyarray(trace.data, dtype=float), np.nan) * calib
     if not np.isfinite(samples).all():
-        raise ValueError("got samples that are missing or not finite, accepted: one component without gaps")
-    quantity = "acceleration"
-    sac = getattr(trace.stats, "sac", {})
-    quantity = {6: "displacement", 7: "velocity", 50: "counts"}.get(int(sac.get("idep", 0)), quantity)
+        raise ReadingError("samples that are missing or not finite", "one component without gaps")
+    quantity = {6: "displacement", 7: "velocity", 50: "counts"}.get(int(sac.get("idep", 0)), "acceleration")
     if len(channel) == 3 and channel[1] in "HL" and quantity == "acceleration" and sac.get("idep") != 8:
         quantity = "seismometer's velocity"
-    if trace.data.dtype.kind in "iu" and form not in _CALIBRATED:
+    if trace.data.dtype.kind in "iu" and not calibrated:
         quantity = "counts"
-    unit = "m/s2" if form in _CALIBRATED else ""
     vertical = channel[-1:] in ("Z", "U", "V") or float(sac.get("cmpinc", 90.0)) in (0.0, 180.0)
-    return Component(
-        f"channel {channel}" if channel.isdecimal() else channel,
-        samples,
-        float(trace.stats.delta),
-        unit,
-        quantity,
-        vertical,
-        event=trace.id,
-    )
+    name, unit = f"channel {channel}" if channel.isdecimal() else channel, "m/s2" * calibrated
+    return Component(name, samples, float(about.delta), unit, quantity, vertical, event=trace.id)

@@ -2,8 +2,8 @@
 
 import re
 
-from fpk_rocking.physics.forcing.readers import fields
-from fpk_rocking.physics.forcing.readers.components import Component
+from fpk_rocking.physics.forcing.readers import fields, headers
+from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
 
 NAME = "CSMIP volume"
 
@@ -15,75 +15,60 @@ _REAL_ROWS = 7
 
 def recognized(lines: list[str]) -> bool:
     """Whether the first lines say a volume of accelerograms, and some line the number of points."""
-    head = " ".join(lines[:3]).lower()
-    named = "accelerogram" in head or "vol1ds" in head or "amplitude spectra" in head
-    return named and any(
-        re.search(r"no\. of points|points of acc|amplitude spectra", line, re.I) for line in lines[:60]
-    )
+    named = re.search("accelerogram|vol1ds|amplitude spectra", " ".join(lines[:3]), re.IGNORECASE)
+    counted = r"no\. of points|points of acc|amplitude spectra"
+    return bool(named) and any(re.search(counted, line, re.IGNORECASE) for line in lines[:60])
 
 
 def components(lines: list[str]) -> list[Component]:
     """The accelerations of all channels."""
     if "spectra" in " ".join(lines[:2]).lower():
-        raise ValueError("got response spectra (volume 3), accepted: the accelerogram, volume 1 or 2")
+        raise ReadingError("response spectra (volume 3)", "the accelerogram, volume 1 or 2")
     found: list[Component] = []
     heading: list[str] = []
-    place = 0
-    while place < len(lines):
-        if not fields.is_numeric(lines[place]):
-            # What a channel's end leaves behind is not of the next one.
-            heading = [] if lines[place].startswith("/&") else [*heading, lines[place]]
-            place += 1
+    blocks = [*fields.blocks(lines)]
+    for (text, rows), (below, _) in zip(blocks, [*blocks[1:], ([""], [])], strict=True):
+        heading += text
+        data = _DATA.search(heading[-1])
+        reals = next((place for place, row in enumerate(rows) if "." in row), len(rows)) + _REAL_ROWS
+        if data and (data[2] or "acc").lower() == "acc":
+            found.append(_series(heading, rows, data[1]))
+        elif not data and len(rows) > reals and not _DATA.search(below[0]):
+            found.append(_digitized(heading, rows[reals:]))
+        elif not data:
             continue
-        end = next((k for k in range(place, len(lines)) if not fields.is_numeric(lines[k])), len(lines))
-        ahead = next(filter(str.strip, lines[end:]), "")
-        component = _component(heading, lines[place:end], bool(_DATA.search(ahead)))
-        if component:
-            found.append(component)
-            heading = []
-        place = end
+        heading = []
     if not found:
-        raise ValueError("got no block of accelerations, accepted: a volume 1 or 2 with one")
+        raise ReadingError("no block of accelerations", "a volume 1 or 2 with one")
     return found
 
 
-def _component(heading, rows, headed):
-    """The acceleration in rows below a heading; None for a velocity, a displacement, or a header of `headed` data."""
-    data = _DATA.search(heading[-1]) if heading else None
-    if data and (data[2] or "acc").lower() != "acc":
-        return None
-    name = fields.stated(heading, _CHANNEL) or ""
-    event = fields.printable(", ".join(line.strip() for line in heading[2:4]))
-    if data:
-        samples = fields.values(rows, int(data[1]), heading[-1].rpartition("(")[2])
-        rate = fields.stated(heading[-1:], r"at\s+(\d+)\s*pts/sec")
-        interval = (
-            1.0 / fields.seconds(rate)
-            if rate
-            else fields.seconds(fields.required("an interval", heading[-1:], rf"spaced at\s+({fields.NUMBER})\s*sec"))
-        )
-        unit = fields.unit_said([re.sub(r"^.*sec[.,]?\s+in\s+(?!unit)", "unit ", heading[-1], flags=re.IGNORECASE)])
-        peak = fields.stated(heading, rf"peak acceleration\s*=\s*({fields.NUMBER})")
-        return Component(name, samples, interval, unit, peak=float(peak) if peak else None, event=event)
-    skipped = next((place for place, row in enumerate(rows) if "." in row), len(rows)) + _REAL_ROWS
-    if headed or len(rows) <= skipped:
-        return None
-    count = int(fields.required("the number of points", heading, r"no\. of points\s*=\s*(\d+)"))
-    said = fields.required("units", heading, r"units\b[^=]*?\bsec(?:onds)?\s+and\s+(\S+)").strip(".")
-    rows = rows[skipped:]
+def _series(heading, rows, count):
+    """The channel whose last line above the data says what they are."""
+    samples = fields.values(rows, count, heading[-1].rpartition("(")[2])
+    return _channel(heading, samples, headers.interval(heading[-1:]), headers.unit(heading[-1:]))
+
+
+def _digitized(heading, rows):
+    """The channel of a volume 1: pairs of times and samples, or samples at a whole number in a second."""
+    count = fields.integer(headers.required("the number of points", heading, r"no\. of points\s*=\s*(\d+)"))
+    unit = headers.required("units", heading, r"units\b[^=]*?\bsec(?:onds)?\s+and\s+(\S+)").strip(".")
     if sum(len(fields.parted(word)) for word in " ".join(rows).split()) != count:
         pairs = fields.values(rows, 2 * count, "(10F7.3)", "times and samples")
-        times = pairs[::2]
         try:
             # Decimals of the times: three.
-            interval = fields.interval_of(times, [f"{time:.3f}" for time in times])
-        except ValueError as error:
-            raise ValueError(f"{error}, as a volume 2 has them: this volume 1 is as it was digitized") from None
-        return Component(name, pairs[1::2], interval, fields.unit_said([f"unit {said}"]), event=event)
-    lasts = fields.seconds(fields.required("a duration", heading, rf"duration\s*=\s*({fields.NUMBER})"))
-    each = count / lasts
-    if abs(each - round(each)) > 1e-6 * each:
-        raise ValueError(f"got {count} samples in {lasts:g} s, accepted: a whole number of them in a second")
-    return Component(
-        name, fields.values(rows, count), 1.0 / round(each), fields.unit_said([f"unit {said}"]), event=event
-    )
+            interval = fields.interval_of(pairs[::2], [f"{time:.3f}" for time in pairs[::2]])
+        except ReadingError as error:
+            accepted = f"{error.accepted}, as a volume 2 has them: this volume 1 is as it was digitized"
+            raise ReadingError(error.got, accepted) from None
+        return _channel(heading, pairs[1::2], interval, unit)
+    lasts = fields.seconds(headers.required("a duration", heading, rf"duration\s*=\s*({fields.NUMBER})"))
+    each = round(count / lasts)
+    if abs(count / lasts - each) > 1e-6 * each:
+        raise ReadingError(f"{count} samples in {lasts:g} s", "a whole number of them in a second")
+    return _channel(heading, fields.values(rows, count), 1.0 / each, unit)
+
+
+def _channel(heading, samples, interval, unit):
+    name, event = headers.stated(heading, _CHANNEL) or "", ", ".join(map(str.strip, heading[2:4]))
+    return Component(name, samples, interval, unit, peak=headers.peak(heading), event=event)
