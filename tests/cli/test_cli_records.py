@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from fpk_rocking import Scene
+from fpk_rocking import Record, Scene
 from fpk_rocking.cli import main
 from fpk_rocking.risk.records import survey
 
@@ -88,6 +88,15 @@ def test_the_velocity_and_the_drift_of_a_row_are_those_of_the_record(files):
     velocity = 9.80665 * 0.01 * np.cumsum(0.5 * (SAMPLES[1:] + SAMPLES[:-1]))
     assert row.pgv == pytest.approx(np.abs(velocity).max())
     assert (row.samples, row.drift, row.does) == (120, "", "read")
+
+
+def test_peaks_of_a_row_are_those_of_the_corrected_samples(files, capsys):
+    assert main(["records", files["one.AT2"], "--baseline", "high-pass", "--corner-hz", "2", "--json"]) == 0
+    row = json.loads(capsys.readouterr().out)["records"][0]
+    record = Record.from_file(files["one.AT2"], baseline="high-pass", corner_hz=2.0)
+    assert row["pga"] == pytest.approx(np.abs(record.corrected_samples).max(), rel=1e-9)
+    assert row["pga"] < 0.8 * np.abs(SAMPLES).max()
+    assert row["pgv"] == pytest.approx(record.drift.pgv)
 
 
 def test_what_files_leave_open_is_given_in_the_shell_and_all_bad_ones_are_named(files, tmp_path, capsys):

@@ -317,6 +317,10 @@ WRONG = {
         cosmos().replace("acceleration pts", "raw accel. pts").replace("cm/sec2(04)", "counts(50)"),
         "raw counts",
     ),
+    "cut behind the accelerations": (geonet(["N10E"] * 3)[:-60], "16 lines of text, 24 of numbers, accepted: 16"),
+    "cut before the numbers": ("\n".join(geonet().splitlines()[: 2 * 41 + 16]), "got 0 samples, accepted: the 10 that"),
+    "no data": (csmip_1()[: csmip_1().rindex("(8f9.6)") + 8], f"got 0 samples, accepted: the {N}"),
+    "a kind of SMC": (smc("0 UNKNOWN"), "a column whose name says no acceleration"),
     "uncorrected": (smc("1 UNCORRECTED ACCELEROGRAM"), "an uncorrected record"),
     "smc velocity": (smc("3 VELOCITY"), "got a velocity"),
     "smc vertical": (smc(inclination=0), "the vertical component"),
@@ -382,6 +386,14 @@ def test_a_name_of_a_file_tells_where_its_text_does_not(name, says, tmp_path):
         Record.from_file(tmp_path / name, units="g")
     (tmp_path / "UPLAND_spectrum_matched.txt").write_text("0 1\n1 2\n2 1\n")
     assert Record.from_file(tmp_path / "UPLAND_spectrum_matched.txt", units="g").samples == (1.0, 2.0, 1.0)
+
+
+def test_an_smc_file_of_unknown_kind_is_what_its_user_says(tmp_path):
+    path = tmp_path / "motion.smc"
+    path.write_text(smc("0 UNKNOWN"))
+    record = Record.from_file(path, units="g", component=1)
+    assert (record.units, record.interval) == ("g", 0.01)
+    assert record.samples == pytest.approx(SAMPLES, abs=1e-4)
 
 
 def test_what_a_file_leaves_open_is_asked_for_and_what_it_says_stands(tmp_path):
