@@ -78,7 +78,7 @@ def components(lines: list[str]) -> list[Component]:
     return [_column(names[place], table[:, place], interval, unit, said) for place in places]
 
 
-class _Text(NamedTuple):
+class Text(NamedTuple):
     """Lines before the numbers; numbers of their lines, their entries; the line of a gap among them, or 0."""
 
     header: list[str]
@@ -87,8 +87,8 @@ class _Text(NamedTuple):
     gap: int
 
 
-def parted(lines):
-    """`_Text` of lines."""
+def parted(lines: Sequence[str]) -> Text:
+    """Return the named tuple `Text` of lines; `ReadingError` for what is neither numbers nor a header."""
     header: list[str] = []
     numbers: list[int] = []
     rows: list[list[str]] = []
@@ -123,7 +123,7 @@ def parted(lines):
         raise ReadingError(repr(bad[:40]), "finite numbers", number)
     # Behind every line, a blank one means nothing.
     comments += blanks * (len([place for _, place in blanks if place]) < len(rows) - 1)
-    return _Text(header, numbers, rows, next((number for number, place in comments if 0 < place < len(rows)), 0))
+    return Text(header, numbers, rows, next((number for number, place in comments if 0 < place < len(rows)), 0))
 
 
 def _stated(text):
