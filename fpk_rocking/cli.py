@@ -19,6 +19,7 @@ from fpk_rocking.options import (
     Parser,
     Version,
     arguments_by_name,
+    cases_of,
     distributions,
     hazard_of,
     numbers,
@@ -102,10 +103,12 @@ def command_line() -> argparse.ArgumentParser:
     options += " --uncertain --blocks --workers --store --records --units --interval --component --baseline --corner-hz"
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
-    options = "scene --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
-    options += " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --workers --store"
-    options += " --name --seed --out --json"
-    command("risk", _risk, does, "", options, "all of --json, report.html, risk.png, curves for other programs")
+    options = "scenes --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
+    options += " --azimuth --depth --events"
+    options += " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --mass --workers"
+    options += " --store --name --seed --out --json"
+    more = "Several scenes are several blocks under the same records, motion by motion."
+    command("risk", _risk, does, more, options, "all of --json, report.html, risk.png, curves for other programs")
     does = "what files of recorded motions have"
     options = "files --units --interval --component --baseline --corner-hz --json"
     more = "A row for each component, with what risk would do with it; files that cannot be read follow."
@@ -245,33 +248,40 @@ def _fragility_figure(path, result):
 
 def _risk(options):
     from fpk_rocking.output.tables import reporting
+    from fpk_rocking.risk.designs import Designs
     from fpk_rocking.risk.study import study
 
     intensities = None if options.intensities is None else numbers("--intensities", options.intensities)
-    records = options.records or ()
-    if options.synthetic:
-        from fpk_rocking.risk.inputs import synthetic_records
-
-        if records:
-            raise ValueError(f"--synthetic: got {options.synthetic}, accepted: nothing beside --records")
-        records = synthetic_records(options.synthetic, **passed(options, "seed"))
-    with reporting("records") as progress:
-        result = study(
-            scene_of(options, options.scene),
-            records,
-            None if options.hazard is None else hazard_of(options.hazard, options.site),
-            intensities,
-            scale_noise=not options.keep_noise,
-            uncertain=distributions(options),
-            progress=progress,
-            **passed(options, "blocks", "measure", "baseline", "corner_hz", "realizations", "seed", "name"),
-            **passed(options, "units", "interval", "component", "workers", "store"),
-        )
+    hazard = None if options.hazard is None else hazard_of(options.hazard, options.site)
+    (cases, turns), studies = cases_of(options), []
+    for name, scene, records in cases:
+        # What files leave open counts for files alone.
+        own = passed(options, "units", "interval", "component") if records is options.records else {}
+        own |= passed(options, "store") if len(cases) == 1 else {}
+        with reporting(f"records, {name}" if len(cases) > 1 else "records") as progress:
+            result = study(
+                scene,
+                records,
+                hazard,
+                intensities,
+                events=None if options.events is None else [place // options.events for place in range(len(records))],
+                scale_noise=not options.keep_noise,
+                uncertain=distributions(options),
+                name=name,
+                progress=progress,
+                **passed(
+                    options, "blocks", "mass", "measure", "baseline", "corner_hz", "realizations", "seed", "workers"
+                ),
+                **own,
+            )
+        studies.append(result)
+    result = studies[0] if len(studies) == 1 else Designs(tuple(studies), turns)
     if options.out:
         result.write(options.out, options.typed)
-        if result.not_for_pelicun:
-            missing = f"{result.name}.csv and {result.name}.json for pelicun are not written"
-            sys.stderr.write(f"fpk-rocking risk: {missing}: {result.not_for_pelicun}\n")
+        for one in studies:
+            if one.not_for_pelicun:
+                missing = f"{one.name}.csv and {one.name}.json for pelicun are not written"
+                sys.stderr.write(f"fpk-rocking risk: {missing}: {one.not_for_pelicun}\n")
     text = json.dumps(result.summary(), allow_nan=False, ensure_ascii=False) if options.json else result.text()
     sys.stdout.write(text + "\n")
 

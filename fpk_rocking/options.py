@@ -98,6 +98,9 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         repeated
 --blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; of one record 5 or
                         more)
+--events N:int          so many records, one after the other, are components of one event, and count as one motion
+                        (default: two whose files say the same event and station)
+--mass KG:float         mass of the block: the forces that would hold it are then in N, not parts of its weight
 --workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
 --store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
 --records FILE+         files of recorded motions, of which the command records tells what they have; the scene gives
@@ -117,7 +120,11 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
                         high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
 --corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
---name NAME             identifier of the block in the exported files (default rocking_block)
+--name NAME             identifier of the block in the exported files (default rocking_block; several have the names of
+                        their scene files)
+--azimuth DEG:float     of the vertical plane of the block, degrees clockwise from north: the records are two horizontal
+                        components each, in one file or in two, one after the other, whose names say their azimuths
+--depth LENGTH          with --azimuth: also the plane across it, in which the block is as wide as this, m or "90 cm"
 """
 """Every argument of the command line: name, what stands for its value with the type, and help.
 
@@ -224,6 +231,44 @@ def _setting(text):
         return name.strip(), tomllib.loads(f"value = {value}")["value"]
     except ValueError:
         return name.strip(), value.strip()
+
+
+def cases_of(options):
+    """(cases, azimuths) of the command risk: name, scene and records of each study; azimuths of both planes or ()."""
+    from fpk_rocking.risk.inputs import synthetic_records
+    from fpk_rocking.risk.planes import in_plane
+    from fpk_rocking.scene.units import in_units
+    from fpk_rocking.studies.scenes import varied
+
+    scenes, records = [scene_of(options, path) for path in options.scenes], options.records or ()
+    name, depth, azimuth = options.name or "rocking_block", options.depth, options.azimuth
+    refused = (
+        (options.synthetic and records, "synthetic", "nothing beside --records"),
+        (
+            len(scenes) > 1 and not (records or options.synthetic),
+            "records",
+            "motions for several blocks (or --synthetic)",
+        ),
+        (len(scenes) > 1 and options.name, "name", "one scene; several blocks have the names of their files"),
+        (azimuth is not None and not records, "azimuth", "together with --records"),
+        (azimuth is not None and options.component, "component", "nothing beside --azimuth"),
+        (depth and (azimuth is None or len(scenes) > 1), "depth", "together with --azimuth, for one scene"),
+    )
+    for wrong, option, accepted in refused:
+        if wrong:
+            raise ValueError(f"--{option}: got {getattr(options, option)!r}, accepted: {accepted}")
+    names = [re.sub(r"[^A-Za-z0-9_-]+", "_", pathlib.Path(path).stem) for path in options.scenes]
+    names = [name] if len(scenes) == 1 else names
+    if options.synthetic:
+        records = synthetic_records(options.synthetic, **passed(options, "seed"))
+    if azimuth is None:
+        return [(*pair, records) for pair in zip(names, scenes, strict=True)], ()
+    turns = (azimuth, (azimuth + 90.0) % 360.0)[: 1 + bool(depth)]
+    motions = [in_plane(records, turn, **passed(options, "units", "interval")) for turn in turns]
+    if not depth:
+        return [(*pair, motions[0]) for pair in zip(names, scenes, strict=True)], ()
+    across = varied(scenes[0], "width", in_units("--depth", _setting(f"depth={depth}")[1], "length"))
+    return [(f"{name}_width", scenes[0], motions[0]), (f"{name}_depth", across, motions[1])], turns
 
 
 def rows_of(options, scene):

@@ -323,3 +323,54 @@ class Capacities(NamedTuple):
         drawn = np.clip(drawn, np.maximum(low, -37.0), np.maximum(high, -37.0))
         values[:, bounded] += width * np.where(turned, -drawn, drawn)
         return values
+
+
+def paired_draws(first: Capacities, second: Capacities, samples: int, rng: np.random.Generator) -> Array:
+    """Draw from the joint posterior of the populations of two blocks under the same motions.
+
+    Logarithms of the capacities of a motion are binormal. With the sums of squares S of the pairs (second - first,
+    first), Σ* = L L', where L is S's Cholesky factor times the inverse of a lower triangle of χ_{n-1}, χ_{n-2} on its
+    diagonal and a normal number: the posterior of the right-Haar prior, in which the limits of the mean difference are
+    exact (J. O. Berger and D. Sun, Ann. Stat. 36(2), 963-982, 2008).
+
+    Parameters
+    ----------
+    first, second : Capacities
+        Of rows with the same motions.
+    samples : int
+        Number of draws.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (samples, 2, 2)
+        Median and dispersion of the first and of the second.
+    """
+    known = not (first.error.any() or second.error.any())
+    one, two = (part.draws(1 if known else samples, rng)[1] for part in (first, second))
+    rows, weights, counts = np.stack([two - one, one], axis=-1), first.mean_of, np.bincount(first.motion)
+    means = np.einsum("smi,mr->sri", rows, weights)
+    middle, motions = means.mean(axis=1), counts.size
+    root = _drawn_roots(means - middle[:, None], motions - 1, samples, rng)
+    place = middle + (root @ rng.standard_normal((samples, 2, 1)))[..., 0] / math.sqrt(motions)
+    between, own = root @ root.swapaxes(1, 2), np.zeros((samples, 2, 2))
+    if counts.sum() > motions:
+        inner = _drawn_roots(rows - means[:, first.motion], int(counts.sum()) - motions, samples, rng)
+        own = inner @ inner.swapaxes(1, 2)
+    both = np.array([[0.0, 1.0], [1.0, 1.0]])  # the logarithms of the first and of the second, of what was drawn
+    logs = place @ both.T
+    spread, inside = (np.einsum("ik,skl,il->si", both, part, both) for part in (between, own))
+    noise = [part.noise * np.exp(part.noise_error * rng.standard_normal(samples)) for part in (first, second)]
+    rest = np.maximum(spread - inside * np.mean(1.0 / counts), 0.0)
+    return np.stack([np.exp(logs), np.sqrt(rest + inside + np.array(noise).T ** 2)], axis=-1)
+
+
+def _drawn_roots(away, free, samples, rng):
+    """Draw factors L (samples, 2, 2) of covariances from deviations (s, m, 2) of `free` degrees of freedom."""
+    # Variances of logarithms have no unit: 1e-12 is a dispersion of 1e-6.
+    lower = np.linalg.cholesky(away.swapaxes(1, 2) @ away + 1e-12 * np.eye(2))
+    triangle = np.zeros((samples, 2, 2))
+    for place in (0, 1):
+        triangle[:, place, place] = np.sqrt(rng.chisquare(max(free - place, 1), samples))
+    triangle[:, 1, 0] = rng.standard_normal(samples)
+    return lower @ np.linalg.inv(triangle)

@@ -8,9 +8,8 @@ import dataclasses
 import itertools
 import json
 import math
-import pathlib
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -154,29 +153,46 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     >>> curves = fragility(at_intensity(rack, "PGV"), scale=[0.5, 0.6, 0.7, 0.8], cycles=4, realizations=500)
     >>> to_pelicun("rack.csv", IntensityCurve.of(curves, "PGV"), name="RACK")
     """
-    check_name(name)
-    if refused := not_for_pelicun(curve):
-        raise ValueError(refused)
-    path = checks.path("path", path)
-    demands = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}
-    demand, unit = demands[curve.measure]
-    if curve.fitted:
-        family, first, second = "lognormal", repr(curve.fit.median), repr(curve.fit.dispersion)
-    else:
-        family, second = "multilinear_CDF", ""
-        points = _distribution(curve)
-        first = '"' + "|".join(",".join(map(repr, values.tolist())) for values in points) + '"'
+    write_pelicun(path, {name: (curve, description, trust)})
+
+
+def write_pelicun(path: File, items: Mapping[str, tuple[IntensityCurve, str, Trust | None]]) -> None:
+    """Write several curves as rows of one of pelicun's tables, as `to_pelicun` does one.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+    items : dict of str to tuple of (IntensityCurve, str, Trust or None)
+        Curve, description and verdict of each, by the identifiers of the components.
+    """
     # pelicun multiplies a demand without a direction by 1.2.
     header = "ID,Incomplete,Demand-Type,Demand-Unit,Demand-Offset,Demand-Directional,LS1-Family,LS1-Theta_0,LS1-Theta_1"
-    trust = trust or curve.trust
-    row = f"{name},0,{demand},{unit},0,1,{family},{first},{second},,{trust.verdict}"
-    write_text(path, f"{header},LS1-DamageStateWeights,Verdict\n{row}\n")
-    about = {
-        "Description": f"{_described(curve, description, trust)} {_DIRECTIONAL}",
-        "Verdict": trust.plain,
-        "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
-    }
-    write_text(pathlib.Path(path).with_suffix(".json"), json.dumps({name: about}, indent=2) + "\n")
+    lines, about = [f"{header},LS1-DamageStateWeights,Verdict"], {}
+    for name, (curve, description, trust) in items.items():
+        check_name(name)
+        if refused := not_for_pelicun(curve):
+            raise ValueError(refused)
+        verdict = trust or curve.trust
+        lines.append(f"{name},0,{_pelicun_law(curve)},,{verdict.verdict}")
+        about[name] = {
+            "Description": f"{_described(curve, description, verdict)} {_DIRECTIONAL}",
+            "Verdict": verdict.plain,
+            "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
+        }
+    table = checks.path("path", path)
+    write_text(table, "\n".join([*lines, ""]))
+    write_text(table.with_suffix(".json"), json.dumps(about, indent=2) + "\n")
+
+
+def _pelicun_law(curve):
+    """Return the cells of a row of pelicun's table from the demand to the parameters of the law, as a text."""
+    demand, unit = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}[curve.measure]
+    if curve.fitted:
+        law = f"lognormal,{curve.fit.median!r},{curve.fit.dispersion!r}"
+    else:
+        points = "|".join(",".join(map(repr, values.tolist())) for values in _distribution(curve))
+        law = f'multilinear_CDF,"{points}",'
+    return f"{demand},{unit},0,1,{law}"
 
 
 def _described(curve, description, trust):

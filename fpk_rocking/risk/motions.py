@@ -11,7 +11,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.physics.forcing.readers.components import unit_of
+from fpk_rocking.physics.forcing.readers.components import Component, unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
 from fpk_rocking.scene.scene import Scene, under_motion
@@ -248,6 +248,21 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
         begin = "at scale 1 " * (measure == "scale" and bool(texts))
         lines.append(f"{name}: {begin}{', '.join(texts) or 'no size, no units'}.")
     return lines
+
+
+def event_of(text: str) -> str:
+    """Return what a file says of event and station, `text`, without a last part that is the azimuth of a component."""
+    head, _, last = text.rpartition(", ")
+    return head if head and Component(last, np.zeros(1)).azimuth is not None else text
+
+
+def same_event(scenes: Sequence[Scene]) -> list[int]:
+    """Return a number for the event of each scene's motion: one for two components of which files say the same event.
+
+    Three or more of one text stay apart: it may be a general one.
+    """
+    texts = [event_of(getattr(scene.forcing, "event", "")) for scene in scenes]
+    return [texts.index(text) if text and texts.count(text) == 2 else number for number, text in enumerate(texts)]
 
 
 def motion_names(scenes: Sequence[Scene]) -> list[str]:

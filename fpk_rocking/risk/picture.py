@@ -1,7 +1,8 @@
 """Pictures of fragility: curves with their intervals and fits, and a surface over a parameter and the scale."""
 
+import itertools
 import pathlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -238,6 +239,35 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     axes.set(xlabel=curve.measure + f", {curve.unit}" * bool(curve.unit), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
     logarithmic(axes.set_xscale, axes.xaxis)
     axes.legend(loc="upper left", fontsize=8)
+
+
+def draw_curves(axes: Any, curves: Mapping[str, Any]) -> None:
+    """Draw `IntensityCurve`s by their names on matplotlib `axes`: outcomes or points, and the curve that is used."""
+    ends = np.concatenate([curve.outcomes[0][[0, -1]] for curve in curves.values()])
+    grid = np.geomspace(0.8 * ends.min(), 1.25 * ends.max(), 400)
+    for (name, curve), colour in zip(curves.items(), itertools.cycle(pictures.COLOURS), strict=False):
+        look = {"linewidth": 0.7} if curve.jumps.size else {"linestyle": "", "marker": "o", "markersize": 4.0}
+        axes.plot(*curve.outcomes[:2], color=colour, alpha=0.5, **look)
+        axes.plot(grid, curve(grid), color=colour, label=name)
+    axes.set(xlabel=curve.measure + f", {curve.unit}" * bool(curve.unit), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
+    logarithmic(axes.set_xscale, axes.xaxis)
+    axes.legend(loc="upper left", fontsize=8)
+
+
+def draw_ratios(axes: Any, designs: Any) -> None:
+    """Draw the ratio of each motion's equivalent intensities to that of the first block, and of medians, on `axes`."""
+    first, *others = designs.studies
+    own = designs.equivalent[:, 0]
+    for number, (other, ratio) in enumerate(zip(others, designs.ratios, strict=True), 1):
+        colour, values = pictures.COLOURS[number % len(pictures.COLOURS)], designs.equivalent[:, number]
+        known = np.isfinite(own) & np.isfinite(values)
+        axes.plot(own[known], values[known] / own[known], "o", color=colour, markersize=4.0)
+        axes.axhline(ratio.median, color=colour, linewidth=1.2, label=f"{other.name}: medians, 95 %")
+        axes.axhspan(ratio.median_low, ratio.median_high, color=colour, alpha=0.15, linewidth=0.0)
+    axes.axhline(1.0, color="0.4", linewidth=0.8)
+    name = f"equivalent {first.curve.measure}"
+    axes.set(xlabel=f"{name}, {first.curve.unit}, of {first.name}", ylabel=f"{name}, times that of {first.name}")
+    axes.legend(fontsize=8)
 
 
 def logarithmic(set_scale: Callable[[str], object], axis: Any) -> None:

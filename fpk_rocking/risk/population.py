@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Self
 
 import numpy as np
@@ -18,7 +18,7 @@ from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
 from fpk_rocking.risk.capacities import Capacities
 from fpk_rocking.risk.inputs import Draws
 from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal, fit_rows
-from fpk_rocking.risk.motions import intensity_of, measure_of
+from fpk_rocking.risk.motions import intensity_of, measure_of, same_event
 from fpk_rocking.risk.search import farthest_scale, first_scale, last_scale
 from fpk_rocking.scene.scene import Scene
 
@@ -45,14 +45,13 @@ class IntensityCurve(Result):
     probability : ndarray, shape (n,)
         Mean over the motions.
     interval : ndarray, shape (n, 2)
-        95 % limits for a motion of the population: of the lognormal curve where it fits, else of Clopper and Pearson;
-        of one scene those of its sample or solution.
+        95 % limits for a motion of the population: of the lognormal curve where it fits, else `point_limits`.
     fit : LognormalFit
         Lognormal curve through the mean; its intervals are those of `replicates`.
     replicates : ndarray, shape (b, 2)
         Draws of median and dispersion (`fpk_rocking.risk.capacities`); of one scene those of other samples.
     records : int
-        Number of motions.
+        Number of motions, or of events.
     sources, source_errors : dict of str to float
         Parts of the dispersion by name, with their standard errors: "noise", each uncertain value of the block, and
         "record to record", what these leave of the dispersion, 0 where that is negative.
@@ -71,6 +70,8 @@ class IntensityCurve(Result):
     reach : float
         Without noise: least intensity up to which all records were searched that do not overturn a block for good; inf
         where there is none.
+    capacities : Capacities or None
+        What the replicates are drawn by; None of one scene.
     """
 
     name: str
@@ -89,6 +90,7 @@ class IntensityCurve(Result):
     model: tuple[Diagnostic, ...] = ()
     by_points: bool = False
     reach: float = math.inf
+    capacities: Capacities | None = None
 
     @property
     def unit(self) -> str:
@@ -220,11 +222,18 @@ class IntensityCurve(Result):
         """Intensities of the points."""
         return {self.row_dims[0]: self.intensity}
 
+    @property
+    def point_limits(self) -> Array:
+        """95 % limits (n, 2) of each probability by its own outcomes: Clopper's and Pearson's, of one scene its own."""
+        return binomial_limits(self.probability, self.units) if self.units > 1 else self.interval
+
     def derived(self) -> dict[str, Any]:
-        """Probability, its limits, and the lognormal fit, nan without one."""
-        fit = np.full(self.intensity.shape, math.nan) if self.fit.reason else self.fit(self.intensity)
-        low, high = self.interval.T
-        columns = {"probability": self.probability, "low": low, "high": high, "lognormal": fit}
+        """Probability with its own limits, and the lognormal fit with those of the curve; nan without a fit."""
+        nothing = np.full(self.intensity.shape, math.nan)
+        fit = nothing if self.fit.reason else np.asarray(self.fit(self.intensity))
+        low, high = self.interval.T if self.fitted and self.units > 1 else (nothing, nothing)
+        columns = {"probability": self.probability, "low": self.point_limits[:, 0], "high": self.point_limits[:, 1]}
+        columns |= {"lognormal": fit, "lognormal_low": low, "lognormal_high": high}
         return {name: (self.row_dims, values) for name, values in columns.items()}
 
     def plot(self) -> Any:
@@ -262,6 +271,7 @@ class IntensityCurve(Result):
         which: int = 0,
         *,
         draws: Draws | None = None,
+        events: Sequence[Any] | None = None,
         samples: int | None = None,
         seed: int = 1,
     ) -> Self:
@@ -279,6 +289,10 @@ class IntensityCurve(Result):
         draws : Draws, optional
             Where the scenes are `fpk_rocking.risk.inputs.drawn` blocks: blocks under one motion are not independent
             of each other.
+        events : sequence, optional
+            A label for the motion of each scene, or of each that blocks were drawn for. Motions of one label, as the
+            two components of one record, are not independent either: an event counts as one motion, by their mean.
+            By default those of two motions whose files say the same event and station are one.
         samples : int, optional
             Number of replicates; by default 999 for one scene, for several `Capacities.usual_draws`.
         seed : int
@@ -312,18 +326,19 @@ class IntensityCurve(Result):
             "model": tuple(fragility.scene_diagnostics()),
         }  # fmt: skip
         origin = np.arange(len(shares)) if draws is None else np.array(draws.origin)
+        labels = same_event([fragility.scenes[n] for n in np.unique(origin, return_index=True)[1]])
+        origin = np.unique(labels if events is None else events, return_inverse=True)[1][origin]
         records = np.unique(origin)
         # Blocks that are drawn for one record stand for themselves.
         motion = origin if records.size > 1 else np.arange(len(shares))
         if fragility.motions is not None:
             rows = at_one[0] * fragility.motions.jumps[:, which]
-            common["jumps"] = np.stack([rows[motion == number] for number in np.unique(motion)])
+            common["jumps"] = _by_event(rows, motion)
             ends = np.full(len(rows), fragility.scale[-1])
             if "farthest" in fragility.options:
                 ends = np.array([farthest_scale(scene) for scene in fragility.scenes])
             ends = at_one[0] * ends
-            stands = np.isinf(last_scale(rows))
-            common["reach"] = float(ends[stands].min(initial=math.inf))
+            common["reach"] = float(ends[np.isinf(last_scale(rows))].min(initial=math.inf))
         if len(shares) > 1:
             steps = None
             if fragility.motions is None:
@@ -333,7 +348,7 @@ class IntensityCurve(Result):
                 places, share = outcome_steps(common["jumps"])
                 known = places <= common["reach"]
                 steps = places[known], share[known], common["reach"]
-            values = {} if draws is None else draws.values
+            common["capacities"], values = capacities, {} if draws is None else draws.values
             suite = suite_fields(capacities, intensity, shares, trials, values, samples, rng, steps)
             return cls(**common, **suite | name_sources(suite, records.size))
         fit, replicates = fragility.fits[0][which], np.empty((0, 2))
@@ -350,6 +365,12 @@ class IntensityCurve(Result):
             **common, probability=shares[0], interval=limits, fit=fit, replicates=replicates, records=1, sources=noise,
             source_errors=error,
         )  # fmt: skip
+
+
+def _by_event(rows, motion):
+    """Return rows (m, k) as (r, b, k), by the event or motion of each; those of one that has fewer are repeated."""
+    each = math.lcm(*np.bincount(motion).tolist())
+    return np.stack([np.resize(rows[motion == number], (each, rows.shape[1])) for number in np.unique(motion)])
 
 
 def suite_fields(

@@ -14,6 +14,7 @@ from fpk_rocking.physics.forcing import Record
 from fpk_rocking.results import pictures
 from fpk_rocking.results.pictures import figure_of, picture_html
 from fpk_rocking.results.remarks import noise_text
+from fpk_rocking.risk.anchor import lift_off_g
 from fpk_rocking.risk.motions import intensity_of, measured, motion_lines, motion_names
 from fpk_rocking.risk.picture import draw_curve, logarithmic
 from fpk_rocking.scene.parts import LENGTHS
@@ -39,11 +40,14 @@ def write_risk_report(path: File, study: Any, command: str = "") -> int:
     title = f"{study.name}: {study.title}"
     # The table of the motions says the same.
     lines = [*motion_lines(study.table(), curve.measure), study.about_critical, study.about_correction]
+    lines += study.block_lines
     first, *words = (text for text in study.text().splitlines() if not text.startswith("trust: "))
     parts = [
         f"<p>{html.escape(_untitled(first, study.title))}</p>",
         f"<p>{html.escape(study.about_correction)}</p>" * bool(study.about_correction),
         study.trust.html,
+        f"<p>{html.escape(' '.join(study.block_sentences))}</p>",
+        *[table_html(_asked(study))] * bool(study.asked.size),
         f"<p>{html.escape(study.origin())}</p>",
         "<h2>Block</h2>",
         _block(study.scene, study.draws),
@@ -68,6 +72,56 @@ def write_risk_report(path: File, study: Any, command: str = "") -> int:
         json_html("summary", study.summary()),
     ]
     return write_page(path, title, parts)
+
+
+def write_designs_report(path: File, designs: Any, command: str = "") -> int:
+    """Write the report of several blocks under the same motions as one HTML file, complete or not at all."""
+    first, unit = designs.studies[0], designs.studies[0].curve.unit
+    table: dict[str, list[str]] = {"block": [one.name for one in designs.studies]}
+    rates = [(one.risk.rate, *one.risk.interval) if one.risk else (math.nan,) * 3 for one in designs.studies]
+    for name, column in zip(("annual rate", "low (95 %)", "high (95 %)"), zip(*rates, strict=True), strict=True):
+        table[name] = _digits(column).tolist()
+    for name, head in (("median", f"median, {unit}"), ("dispersion", "dispersion")):
+        table[head] = _digits(getattr(one.curve.fit, name) for one in designs.studies).tolist()
+    table["lifts off at, g"] = [f"{lift_off_g(one.scene.block):.3g}" for one in designs.studies]
+    motions = {
+        name: column if column.dtype.kind == "U" else _digits(column) for name, column in designs.table().items()
+    }
+    parts = [
+        *(f"<p>{html.escape(text)}</p>" for text in designs.sentences),
+        table_html({name: np.array(column) for name, column in table.items()}),
+        picture_html(designs.plot(), "Curves of all blocks, and ratios of their equivalent intensities", dots=150),
+    ]
+    for one in designs.studies:
+        parts += [
+            f"<h2>{html.escape(one.name)}</h2>",
+            f"<p>{html.escape(one.title[0].upper() + one.title[1:])}.</p>",
+            one.trust.html,
+            f"<p>{html.escape(' '.join(one.block_sentences))}</p>",
+            *[table_html(_asked(one))] * bool(one.asked.size),
+            _block(one.scene, one.draws),
+            f"<p><a href='{html.escape(one.name)}/report.html'>All of {html.escape(one.name)}</a></p>",
+        ]
+    parts += [
+        "<h2>Motions</h2>",
+        f"<p>{_motions_text(first)}</p>",
+        _picture(lambda figure, axes: draw_motions(axes, first.recorded, figure), "Accelerations of the motions"),
+        f"<p>{html.escape(designs.about_motions)}</p>",
+        table_html(motions),
+        f"<p>{html.escape(left_out([one.scene for one in designs.studies]))} {_LEFT}</p>",
+        f"<p>{html.escape(first.origin(command))}</p>",
+        json_html("summary", designs.summary()),
+    ]
+    return write_page(path, designs.title[0].upper() + designs.title[1:], parts)
+
+
+def _asked(study):
+    """Return a dict of columns, arrays of texts (n,) by their heads, at the intensities that a `Study` was asked."""
+    curve, columns = study.curve, list(study.at_asked.values())
+    names = f"{curve.measure}, {curve.unit}", f"P({curve.name})", "low (95 %)", "high (95 %)", "peak up to, g"
+    table = {name: _digits(column) for name, column in zip(names, columns, strict=False)}
+    ties = zip(study.tie, columns[-2:], strict=True)
+    return table | {f"tie {where}": np.array(list(map(study.force_text, column))) for where, column in ties}
 
 
 def _scatters(draws):
@@ -117,7 +171,7 @@ def _block(scene, draws):
         "critical angle θ_cr": f"{math.degrees(size.critical_angle):.4g}°",
         "frequency parameter p": f"{size.frequency_parameter:.4g} rad/s",
         "restitution": f"{scene.block.restitution_text('.4g')}{', Housner' * own}",
-        "lifts off at": f"{scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY:.4g} g",
+        "lifts off at": f"{lift_off_g(scene.block):.4g} g",
         "overturned at": f"{math.degrees(scene.overturning.angle * size.critical_angle):.4g}°, "
         f"{scene.overturning.angle:.3g} θ_cr",
         "rocks, and does not slide first": f"friction of at least {scene.block.least_friction:.3g}",
@@ -218,14 +272,8 @@ def _sources(curve):
 
 def _points(curve):
     """Return a dict of columns, arrays of texts (n,) by their heads, of the points of an `IntensityCurve`."""
-    of_fit = " of the fit" * curve.fitted
-    names = (
-        f"{curve.measure}, {curve.unit}",
-        "mean of the motions",
-        f"low{of_fit} (95 %)",
-        f"high{of_fit} (95 %)",
-        "lognormal",
-    )
+    names = [f"{curve.measure}, {curve.unit}", "mean of the motions", "low (95 %)", "high (95 %)"]
+    names += ["lognormal", "its low (95 %)", "its high (95 %)"]
     columns = curve.table().values()
     return {name: _digits(column) for name, column in zip(names, columns, strict=True)}
 

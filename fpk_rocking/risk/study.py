@@ -21,16 +21,25 @@ from fpk_rocking.physics.noise.kinds import NoNoise
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain, write_json, write_text
-from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust
+from fpk_rocking.risk.anchor import hold, lift_off_g
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities, critical_text, factor_diagnostics
 from fpk_rocking.risk.curves import Fragility, fragility
-from fpk_rocking.risk.export import NAMES, check_name, levels_text, not_for_pelicun, rising, to_nrml, to_pelicun
+from fpk_rocking.risk.export import NAMES, check_name, levels_text, not_for_pelicun, rising, to_nrml, write_pelicun
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.risk.inputs import Draws, drawn
 from fpk_rocking.risk.lognormal import ranked
-from fpk_rocking.risk.motions import at_intensity, intensity_of, motion_lines, motion_table, recorded_scenes
+from fpk_rocking.risk.motions import (
+    at_intensity,
+    intensity_of,
+    measured,
+    motion_lines,
+    motion_table,
+    recorded_scenes,
+    same_event,
+)
 from fpk_rocking.risk.population import IntensityCurve
-from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text
+from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text, years_text
 from fpk_rocking.risk.search import FARTHEST, overturns
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
@@ -88,6 +97,12 @@ class Study(Result):
         Part of the rate by which the last of them moved it.
     uncorrected : IntensityCurve or None
         Curve of the motions without baseline correction, where there was one, and neither noise nor a drawn block.
+    events : sequence
+        A label for each of `recorded`; motions of one count as one.
+    asked : ndarray, shape (a,)
+        Intensities that were asked for; (0,) where they were left to `study`.
+    mass : float or None
+        Of the block, kg.
     """
 
     fragility: Fragility
@@ -101,6 +116,9 @@ class Study(Result):
     added: int = 0
     moved: float = 0.0
     uncorrected: IntensityCurve | None = None
+    events: Sequence[Any] = ()
+    asked: Array = dataclasses.field(default_factory=lambda: np.empty(0))
+    mass: float | None = None
 
     row_dims = ("motion",)
 
@@ -173,18 +191,20 @@ class Study(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
-        few = f"{self.curve.records} motions are few: 30 are needed to rely on the scatter between them."
-        remarks = [self._at_most(), self.about_correction, few * (1 < self.curve.records < MANY), self._standing()]
+        count, of = self.curve.records, len(self.recorded)
+        what = "events" if 1 < count < of else "motions"
+        few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
+        grouped = f"{of} motions are of {count} events; those of one event count as one motion." * (what == "events")
+        remarks = [self._at_most(), self.about_correction, grouped, few, self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
 
     def _at_most(self):
         """Return what no rate over PGA can exceed, where the upper limit does: lognormal tails know no lift-off."""
         scene = self.recorded[0]
         rests = scene.start.covariance is None and scene.start.angle == scene.start.velocity == 0.0
-        size = scene.block.size
-        if self.risk is None or self.critical is None or size is None or self.curve.measure != "PGA" or not rests:
+        if self.risk is None or self.critical is None or self.curve.measure != "PGA" or not rests:
             return ""
-        level = scene.block.lift_off * size.gravity * size.critical_angle / STANDARD_GRAVITY
+        level = lift_off_g(scene.block)
         most = float(self.risk.hazard(level))
         if not self.risk.interval[1] > most:
             return ""
@@ -221,12 +241,67 @@ class Study(Result):
         ratio = f", {rate / self.risk.rate:.3g} times this one" if self.risk.rate > 0.0 else ""
         return f"{text}, and the annual rate would be {rate_text(rate)}{ratio}; the limits do not contain this."
 
+    @property
+    def at_asked(self) -> dict[str, Array]:
+        """Columns (n,) at the intensities that were asked for: intensity, probability with its own limits, and the tie.
+
+        "peak_g" is the largest peak acceleration of the motions there, "top" and "edge" are the forces that hold the
+        block under it (`fpk_rocking.risk.anchor`), in units of its weight: of the block as passed, without noise.
+        """
+        curve, at = self.curve, [int(np.abs(self.curve.intensity - value).argmin()) for value in self.asked]
+        peak = max(measured(scene).pga for scene in self.motions) * curve.intensity[at]
+        ties = np.array([hold(self.scene.block, value) for value in peak]).reshape(-1, 2)
+        names = *curve.row_dims, "probability", "low", "high", "peak_g", "top", "edge"
+        values = curve.intensity[at], curve.probability[at], *curve.point_limits[at].T, peak / STANDARD_GRAVITY, *ties.T
+        return dict(zip(names, values, strict=True))
+
+    @property
+    def tie(self) -> tuple[str, str]:
+        """Where the two forces of `at_asked` act, as texts."""
+        return "horizontal at the " + ("top" if self.scene.block.body is None else "centre of mass"), "down at one edge"
+
+    def force_text(self, weights: float) -> str:
+        """Return a force as a text: in N where the mass of the block is known.
+
+        Parameters
+        ----------
+        weights : float
+            In units of its weight.
+        """
+        if self.mass is None or not weights:
+            return f"{weights:.2g} of its weight" if weights else "none"
+        return f"{years_text(weights * self.mass * not_none(self.scene.block.size).gravity, 3)} N"
+
+    @property
+    def block_sentences(self) -> list[str]:
+        """Sentences on what begins to move the block, and on ties where there are intensities that were asked for."""
+        level, friction = lift_off_g(self.scene.block), self.scene.block.least_friction
+        text = f"The block lifts off at {level:.3g} g. With a coefficient of friction below {friction:.3g} it slides "
+        tied = (
+            "Ties are rigid and without slack, their forces static, at the largest peak acceleration of the motions; a "
+        )
+        tied += "tie that gives way lets it move by more than the base."
+        return [text + "before it rocks; rocking needs somewhat more.", *[tied] * bool(self.asked.size)]
+
+    @property
+    def block_lines(self) -> list[str]:
+        """`block_sentences`, and of each intensity that was asked for the probability with its limits, and the tie."""
+        curve, lines = self.curve, self.block_sentences
+        for value, share, low, high, peak, *forces in zip(*self.at_asked.values(), strict=True):
+            text = f"At {curve.measure} {value:.4g} {curve.unit}: P({curve.name}) {share:.3g} (95 %: {low:.2g} to "
+            text += f"{high:.2g}); peak acceleration up to {peak:.3g} g, "
+            (top, edge), (where, down) = map(self.force_text, forces), self.tie
+            held = f"a tie of {top} {where}, or of {edge} {down}, holds it" if forces[0] else "it does not lift off"
+            lines.append(f"{text}{held}.")
+        return lines
+
     def text(self) -> str:
         """Return rate, verdict, fit, remarks, and deviances by measure as lines of one text."""
         curve, fit = self.curve, self.curve.fit
         lines = [
             self.risk.sentences[0] if self.risk else f"{self.title}. No annual rate, as there is no hazard (--hazard).",
             str(self.trust),
+            *self.block_lines,
         ]
         points = "In its place stand the points, joined by lines"
         if curve.jumps.size and self.risk:
@@ -297,6 +372,9 @@ class Study(Result):
             "ranking": [ranking._asdict() for ranking in ranked(self.fragility)],
             "draws": self.draws and {"origin": self.draws.origin, "values": self.draws.values},
             "motions": self.table(),
+            "asked": self.at_asked,
+            "lift_off_g": lift_off_g(self.scene.block),
+            "least_friction": self.scene.block.least_friction,
             "added_intensities": self.added,
             "rate_moved": self.moved,
             "fragility": self.fragility.summary(),
@@ -317,6 +395,21 @@ class Study(Result):
     def not_for_pelicun(self) -> str:
         """Why pelicun could not take the curve, as a text; empty where it can."""
         return not_for_pelicun(self.curve)
+
+    def _about_curve(self):
+        """Return what the curve in files is, and which rates it has, as sentences."""
+        if not self.risk:
+            return self.curve.describe()
+        text = f"{self.curve.describe()} Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
+        return text + f"as the study states it {rate_text(self.risk.rate)}."
+
+    def for_pelicun(self) -> dict[str, tuple[IntensityCurve, str, Trust | None]]:
+        """Return curve, description and verdict by the name of the block, as `write_pelicun` takes them."""
+        about = self._about_curve()
+        if self.risk and not self.curve.fitted and (np.diff(self.curve.probability) < 0.0).any():
+            rate = annual_frequency(rising(self.curve), self.risk.hazard).exported_rate
+            about += f" Its points fall in places, those of pelicun do not: {rate_text(rate)} by them."
+        return {self.name: (self.curve, about, self.trust)}
 
     def origin(self, command: str = "") -> str:
         """Return date, version, hazard and the command that made a study, as a line of text.
@@ -352,18 +445,12 @@ class Study(Result):
         self.fragility.save(out / "result.npz")
         self.curve.to_csv(out / "curve.csv")
         self.to_csv(out / "motions.csv")
-        about = levels = self.curve.describe()
-        if self.risk:
-            about += f" Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
-            about += f"as the study states it {rate_text(self.risk.rate)}."
-            levels = f"{about} {levels_text(self.risk)}" if self.risk.exported_rate > 0.0 else about
+        about = self._about_curve()
+        levels = f"{about} {levels_text(self.risk)}" if self.risk and self.risk.exported_rate > 0.0 else about
         to_nrml(out / f"{self.name}.xml", [self.curve], self.name, levels, self.trust)
         refused = self.not_for_pelicun
         if not refused:
-            if self.risk and not self.curve.fitted and (np.diff(self.curve.probability) < 0.0).any():
-                rate = annual_frequency(rising(self.curve), self.risk.hazard).exported_rate
-                about += f" Its points fall in places, those of pelicun do not: {rate_text(rate)} by them."
-            to_pelicun(out / f"{self.name}.csv", self.curve, self.name, about, self.trust)
+            write_pelicun(out / f"{self.name}.csv", self.for_pelicun())
         exports = [f"{self.name}.{kind}" for kind in ("xml", *(() if refused else ("csv", "json")))]
         files = {"pelicun": refused or f"{self.name}.csv", "exports": exports, "origin": self.origin(command)}
         write_json(out / "risk.json", self.summary() | files)
@@ -388,7 +475,9 @@ def study(
     seed: int = 1,
     scale_noise: bool = True,
     uncertain: Mapping[str, Any] | None = None,
+    events: Sequence[Any] | None = None,
     blocks: int | None = None,
+    mass: float | None = None,
     name: str = "rocking_block",
     workers: int | Executor = 1,
     store: File | None = None,
@@ -427,8 +516,13 @@ def study(
         Whether the noise is scaled with the records.
     uncertain : dict of str, optional
         Distributions of values of the block, see `fpk_rocking.risk.inputs.drawn`.
+    events : sequence, optional
+        A label for each record. Records of one label, as the components of one event, count as one motion, by their
+        mean. By default two whose files say the same event and station.
     blocks : int
         Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
+    mass : float, optional
+        Of the block, kg: forces that hold it are then in N.
     name : str
         Identifier of the block in exported files.
     workers, store, progress
@@ -458,13 +552,13 @@ def study(
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
+    mass = None if mass is None else checks.number("mass", mass, above=0.0)
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
     if exceeded is not None:
         exceeded.check_measure(measure)
     stated: dict[str, Any] = {"units": units, "interval": interval, "component": component}
     scenes = recorded_scenes(scene, records, **stated, baseline=baseline, corner_hz=corner_hz)
-    if 1 < len(scenes) < FEWEST_RECORDS:
-        raise ValueError(checks.refusal("records", len(scenes), f"1, or at least {FEWEST_RECORDS}"))
+    events = _labels(events, scenes)
     blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)
     if uncertain and len(scenes) == 1 and blocks < FEWEST_RECORDS:
         raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST_RECORDS} for one motion"))
@@ -482,10 +576,11 @@ def study(
         return fragility(scenes if len(scenes) > 1 else scenes[0], scale=scale, progress=report, **options, **own)
 
     def risk_of(curves):
-        curve = IntensityCurve.of(curves, measure, draws=draws, samples=1)
+        curve = IntensityCurve.of(curves, measure, draws=draws, events=events, samples=1)
         return annual_frequency(dataclasses.replace(curve, by_points=True), not_none(exceeded))
 
     asked = None if intensities is None else np.sort(np.asarray(intensities, float))
+    asked_for = np.empty(0) if asked is None else asked
     if deterministic:
         curves, added, moved = sample(np.ones(1) if asked is None else asked, 0), 0, 0.0
         if asked is None:
@@ -497,12 +592,12 @@ def study(
             curves, added, moved = sample(asked, 0), 0, 0.0
         else:
             curves, added, moved = with_added_intensities(sample, risk_of, asked, _above(asked[-1], not_none(calm)))
-    curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws), None
+    curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws, events=events), None
     curve = dataclasses.replace(curve, by_points=exceeded is not None and curves.motions is None)
     if uncorrected_too:
         raw = recorded_scenes(scene, [shaken.forcing for shaken in scenes], baseline="none")
         raw = [at_intensity(shaken, measure, noise=scale_noise) for shaken in raw]
-        uncorrected = IntensityCurve.of(sample(curves.scale, -1, raw), measure, samples=1)
+        uncorrected = IntensityCurve.of(sample(curves.scale, -1, raw), measure, events=events, samples=1)
     return Study(
         fragility=curves,
         curve=curve,
@@ -515,7 +610,24 @@ def study(
         added=added,
         moved=moved,
         uncorrected=uncorrected,
+        events=events,
+        asked=asked_for,
+        mass=mass,
     )
+
+
+def _labels(events, scenes):
+    """Return a list of labels, one for the event of each of some scenes; ValueError where there are too few events."""
+    if events is not None and len(events) != len(scenes):
+        raise ValueError(checks.refusal("events", f"{len(events)} labels", f"{len(scenes)}, one for each record"))
+    labels = same_event(scenes) if events is None else list(events)
+    count = len(set(labels))
+    if len(scenes) > 1 and count < FEWEST_RECORDS:
+        got = f"{len(scenes)} of {count} events" if count < len(scenes) else count
+        raise ValueError(
+            checks.refusal("records", got, f"1, or at least {FEWEST_RECORDS}, each of an event of its own")
+        )
+    return labels
 
 
 class _RoundsReport:

@@ -90,8 +90,13 @@ def pooled():
         "overturned", "PGV", intensity, share, limits, fit, np.array([[0.6, 0.3], [0.8, 0.5]]), 8, {"noise": 0.2},
         {"noise": 0.01}, 8, BLOCKS,
     )  # fmt: skip
-    columns = {"PGV_m_per_s": intensity, "probability": share, "low": limits[:, 0], "high": limits[:, 1]}
+    own = (
+        stats.beta.ppf(0.025, 8.0 * share, 9.0 - 8.0 * share),
+        stats.beta.ppf(0.975, 8.0 * share + 1.0, 8.0 - 8.0 * share),
+    )
+    columns = {"PGV_m_per_s": intensity, "probability": share, "low": own[0], "high": own[1]}
     columns["lognormal"] = stats.norm.cdf(np.log(intensity / 0.7) / 0.4)
+    columns |= {"lognormal_low": limits[:, 0], "lognormal_high": limits[:, 1]}
     variables = {name: (("PGV_m_per_s",), values) for name, values in columns.items() if name != "PGV_m_per_s"}
     return Made(result, columns, variables, {"PGV_m_per_s": intensity})
 

@@ -1,11 +1,14 @@
 """Curves, records and suites of motions with probabilities of their own, for tests of studies and risk."""
 
+import dataclasses
+
 import numpy as np
 
-from fpk_rocking import Dimensions, Record
+from fpk_rocking import Dimensions, Record, Scene
 from fpk_rocking.risk import IntensityCurve
 from fpk_rocking.risk.curves import Fragility
 from fpk_rocking.risk.lognormal import LognormalFit
+from fpk_rocking.risk.search import MotionOutcomes, overturns
 
 SIZE = Dimensions(0.6, 2.0)
 
@@ -36,3 +39,11 @@ def suite(shares, scenes, realizations):
         tuple(scenes), "scene", np.arange(len(scenes)), np.empty(0), SCALES, shares, np.full(shares.shape, np.nan),
         "exact", realizations, True, {}, "", {}, 0.0,
     )  # fmt: skip
+
+
+def searched(logs):
+    """Fragility of motions (m,) without noise that overturn a block from the exponentials of these logarithms on."""
+    jumps, scenes = np.exp(logs)[:, None], (Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"),) * len(logs)
+    made = suite(overturns(jumps, SCALES), scenes, 1)
+    outcomes = MotionOutcomes(jumps[:, None], *np.zeros((3, len(logs))))
+    return dataclasses.replace(made, motions=outcomes, options={"farthest": 1000.0})

@@ -1,0 +1,119 @@
+"""What holds a block and what lifts it off: by a linear program of its equilibrium, and by paths."""
+
+import csv
+import re
+
+import numpy as np
+import pytest
+from scipy import optimize, stats
+from suites import SIZE, record
+
+from fpk_rocking import Block, Body, Dimensions, NoNoise, Record, Scene
+from fpk_rocking.risk import Hazard, study
+from fpk_rocking.risk.anchor import hold, lift_off_g
+from fpk_rocking.risk.motions import intensities
+from montecarlo import simulate
+
+G = 9.80665
+BODY = Body(height_of_centre=1.1, right=0.3, left=0.38, radius_of_gyration=0.62)
+
+
+def least_ties(left, right, centre, top, acceleration):
+    """Least horizontal force at the top, and least tension at an edge, in weights, so that the floor need not pull.
+
+    The acceleration, in g, acts to both sides. The floor pushes at the edges, and its friction is unlimited.
+    """
+    forces, tensions = [], []
+    for inertia in (acceleration, -acceleration):
+        # Force at the top to the right and to the left, tension at the left and right edge, push at the left and right.
+        matrix = [[0.0, 0.0, -1.0, -1.0, 1.0, 1.0], [-top, top, left, -right, -left, right]]
+        balance = [1.0, centre * inertia]
+        for part, kept, other in ((forces, slice(0, 2), slice(2, 4)), (tensions, slice(2, 4), slice(0, 2))):
+            costs, bounds = np.zeros(6), np.full((6, 2), (0.0, np.inf))
+            costs[kept], bounds[other] = 1.0, 0.0
+            part.append(optimize.linprog(costs, A_eq=matrix, b_eq=balance, bounds=bounds).fun)
+    return max(forces), max(tensions)
+
+
+@pytest.mark.parametrize("peak", [0.2, 0.29, 0.31, 0.5, 1.7])
+def test_the_forces_that_hold_a_block_are_the_least_of_its_equilibrium(peak):
+    for width, height in ((0.6, 2.0), (0.9, 1.1)):
+        held = hold(Block(dimensions=Dimensions(width, height)), peak * G)
+        expected = least_ties(width / 2, width / 2, height / 2, height, peak)
+        assert tuple(held) == pytest.approx(expected, abs=1e-9)
+        assert (held.top > 0.0) == (peak > width / height)
+    # Of a body at the height of its centre; on a planet of half the gravity the same acceleration is twice as many g.
+    body = Body(1.1, 0.3, 0.38, 0.62, gravity=0.5 * G)
+    for part in (BODY, body):
+        expected = least_ties(0.38, 0.3, 1.1, 1.1, peak * G / part.gravity)
+        assert tuple(hold(Block(body=part), peak * G)) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("block", [Block(dimensions=SIZE), Block(body=BODY), Block(0.9, SIZE, slender=True)])
+def test_a_block_leaves_its_base_just_above_the_acceleration_that_is_stated_and_not_just_below(block):
+    easier = 1.0 if block.body is None or block.body.right < block.body.left else -1.0
+    for factor, moves in ((1.0 - 1e-6, False), (1.0 + 1e-6, True)):
+        # A positive acceleration moves the base to the left, and tips the block to the right.
+        samples = np.array([0.0, 1.0, 1.0, 0.0]) * factor * easier * lift_off_g(block)
+        path = simulate(Scene(block, Record(0.2, samples, "g"), NoNoise()), times=[0.9])
+        assert (easier * path.angle[0, -1] > 0.0) == moves
+
+
+@pytest.fixture(scope="module")
+def found():
+    motions, scene = [record(n) for n in range(8)], Scene(Block(0.9, SIZE), record(0), NoNoise())
+    return study(scene, motions, Hazard.power_law(1e-3, 2.5), [0.9, 0.3], mass=250.0)
+
+
+def test_at_each_intensity_that_was_asked_for_stand_the_probability_its_own_limits_and_the_tie(found):
+    table = found.at_asked
+    assert table["PGV_m_per_s"] == pytest.approx([0.3, 0.9], rel=1e-12)
+    critical = found.critical
+    for value, share, low, high, peak, top, edge in zip(*table.values(), strict=True):
+        over = int(critical.overturned([value]).sum())
+        proper = stats.binomtest(over, 8).proportion_ci(method="exact")
+        assert (share, low, high) == pytest.approx((over / 8, proper.low, proper.high), abs=1e-9)
+        own = [intensities(scene) for scene in found.recorded]
+        assert peak == pytest.approx(max(value / one.pgv * one.pga for one in own) / G, rel=1e-9)
+        assert (top, edge) == pytest.approx(least_ties(0.3, 0.3, 1.0, 2.0, peak), abs=1e-9)
+        text = f"At PGV {value:.4g} m/s: P(overturned) {share:.3g} (95 %: {low:.2g} to {high:.2g}); peak acceleration "
+        newtons = [float(f"{250.0 * G * force:.3g}") for force in (top, edge)]
+        text += (
+            f"up to {peak:.3g} g, a tie of {newtons[0]:,.0f} N horizontal at the top, or of {newtons[1]:,.0f} N down"
+        )
+        assert text in found.text()
+    assert (
+        "The block lifts off at 0.3 g. With a coefficient of friction below 0.3 it slides before it rocks"
+        in found.text()
+    )
+
+
+def test_the_report_has_these_answers_before_its_motions(found, tmp_path):
+    found.write(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    head = page[: page.index("<h2>Motions</h2>")]
+    force = 250.0 * G * found.at_asked["top"][1]
+    top = f"{float(f'{force:.3g}'):,.0f} N"
+    for said in (
+        "<th>tie horizontal at the top</th>",
+        f"<td>{top}</td>",
+        "slides before it rocks",
+        "lifts off at 0.3 g",
+    ):
+        assert said in head
+    assert page[: page.index("<script")].count("slides before it rocks") == 1
+
+
+def test_no_probability_of_the_curve_lies_below_its_own_lower_limit(found, tmp_path):
+    """A fit's limits may leave out the share of the motions: they stand in columns of their own."""
+    found.curve.to_csv(tmp_path / "curve.csv")
+    rows = list(csv.DictReader((tmp_path / "curve.csv").open(encoding="utf-8")))
+    for row in rows:
+        assert float(row["low"]) <= float(row["probability"]) <= float(row["high"])
+        assert float(row["lognormal_low"]) <= float(row["lognormal"]) <= float(row["lognormal_high"])
+    assert any(not float(row["lognormal_low"]) <= float(row["probability"]) for row in rows)
+
+
+def test_a_mass_is_refused_by_name_before_any_work():
+    with pytest.raises(ValueError, match=re.escape("mass: got 0")):
+        study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, mass=0.0)

@@ -1,0 +1,91 @@
+"""Motions of one event: one motion for curve, rate and limits, as files say or as a user does."""
+
+import importlib.util
+import json
+import math
+import pathlib
+import re
+
+import numpy as np
+import pytest
+from suites import SIZE, record, searched
+
+from fpk_rocking import Block, NoNoise, Record, Scene, cli
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, study
+from fpk_rocking.risk.motions import same_event
+
+
+def benchmark():
+    path = pathlib.Path(__file__).parents[2] / "benchmarks" / "paired_motions.py"
+    spec = importlib.util.spec_from_file_location("paired_motions", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+def test_limits_hold_where_an_event_of_two_components_is_one_motion():
+    """Of 200 suites of 20 events at least 90 %; each component for itself covers the median in fewer."""
+    script = benchmark()
+    grouped, single = (script.events_hold(20, 200, 3, grouped=grouped) for grouped in (True, False))
+    assert min(grouped.values()) >= 0.9
+    assert single["median"] < grouped["median"] - 0.03
+
+
+def test_an_event_counts_as_one_motion_by_the_mean_of_its_components():
+    """Three events of one, two and three components, by hand; a hazard im^-1 makes the rate a mean of 1/capacity."""
+    critical, labels = np.array([0.5, 0.8, 1.1, 0.4, 0.9, 1.5]), ["b", "a", "a", "c", "c", "c"]
+    curve = IntensityCurve.of(searched(np.log(critical)), "scale", samples=99, events=labels)
+    groups = [critical[:1], critical[1:3], critical[3:]]
+    assert (curve.records, curve.units) == (3, 3)
+    expected = [np.mean([(group < place).mean() for group in groups]) for place in curve.intensity]
+    assert curve.probability == pytest.approx(expected, abs=1e-12)
+    risk = annual_frequency(curve, Hazard.power_law(1.0, 1.0))
+    assert risk.rate == pytest.approx(np.mean([(1.0 / group).mean() for group in groups]), rel=1e-12)
+    assert curve.fit.median == pytest.approx(math.exp(np.mean([np.log(group).mean() for group in groups])), rel=1e-12)
+
+
+def test_two_components_whose_files_say_the_same_event_and_station_are_one_motion():
+    texts = [
+        "EVENT, STATION, 090",
+        "EVENT, STATION, 000",
+        "EVENT, OTHER, 090",
+        "",
+        "",
+        "PEER",
+        "PEER",
+        "PEER",
+        "A, EW",
+        "A, NS",
+    ]
+    motions = [Record(0.1, (0.0, 1.0, 0.0), "m/s2", event=text) for text in texts]
+    scenes = [Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in motions]
+    assert same_event(scenes) == [0, 0, 2, 3, 4, 5, 6, 7, 8, 8]
+
+
+def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, capsys):
+    """Ten files in pairs are five events; the rate is the same, its limits are those of a study with labels."""
+    scene, hazard, files = Scene(Block(0.9, SIZE), record(0), NoNoise()), Hazard.power_law(1e-3, 2.5), []
+    (tmp_path / "rack.toml").write_text("\n".join(p for p in scene.to_toml().split("\n\n") if "[forcing]" not in p))
+    for number in range(10):
+        files.append(tmp_path / f"{number}.txt")
+        files[-1].write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(record(number).samples)))
+    arguments = ["risk", str(tmp_path / "rack.toml"), "--records", *map(str, files), "--units", "m/s2"]
+    arguments += ["--hazard", "1e-3:2.5"]
+    assert cli.main([*arguments, "--events", "2", "--json"]) == 0
+    values = json.loads(capsys.readouterr().out)
+    alone, labels = [record(number) for number in range(10)], [chr(97 + number // 2) for number in range(10)]
+    labelled = study(scene, alone, hazard, events=labels)
+    each = annual_frequency(IntensityCurve.of(labelled.fragility, "PGV"), hazard)
+    assert values["risk"]["interval"] == pytest.approx(labelled.risk.interval, rel=1e-9)
+    assert values["risk"]["rate"] == pytest.approx(each.rate, rel=1e-9)
+    assert each.interval != pytest.approx(labelled.risk.interval, rel=1e-3)
+    assert (labelled.curve.records, each.curve.records) == (5, 10)
+    assert "10 motions are of 5 events; those of one event count as one motion." in values["remarks"]
+    with pytest.raises(ValueError, match=re.escape("events: got '3 labels', accepted: 10, one for each record")):
+        study(scene, alone, hazard, events=labels[:3])
+    assert cli.main([*arguments, "--events", "4"]) == 2
+    assert (
+        "records: got '10 of 3 events', accepted: 1, or at least 5, each of an event of its own"
+        in capsys.readouterr().err
+    )
