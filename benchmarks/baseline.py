@@ -12,7 +12,7 @@ import numpy as np
 from report import table, write_section
 
 from fpk_rocking import Record, Scene
-from fpk_rocking.physics.forcing.readers.components import UNITS
+from fpk_rocking.physics.forcing.readers.terms import UNITS
 from fpk_rocking.risk import Hazard, at_intensity, fragility, synthetic_records
 from fpk_rocking.risk.motions import recorded_scenes
 

@@ -7,14 +7,12 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.readers import columns, components, fields
+from fpk_rocking.physics.forcing.readers import columns, fields, terms
 from fpk_rocking.physics.forcing.readers.components import ReadingError
 
 UNITS = {
     "PGV": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
-    "PGA": {
-        unit.replace("2", "²"): components.UNITS[unit] / components.UNITS["g"] for unit in ("g", "m/s2", "cm/s2", "%g")
-    },
+    "PGA": {unit.replace("2", "²"): terms.UNITS[unit] / terms.UNITS["g"] for unit in ("g", "m/s2", "cm/s2", "%g")},
 }
 """Units in which files give an intensity, in that of its curve, which is the first."""
 
@@ -131,7 +129,7 @@ def _measured(match, rest):
     said = re.search(_UNIT, rest)
     if not said:
         return measure, ""
-    unit = components.measured(said[1])[1].replace("2", "²")
+    unit = terms.measured(said[1])[1].replace("2", "²")
     units = {unit: kind for kind in UNITS if measure in ("", kind) for unit in UNITS[kind]}
     if unit not in units:
         raise ValueError(checks.refusal("unit of the intensity", said[1], ", ".join(units)))

@@ -11,7 +11,8 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.physics.forcing.readers.components import Component, unit_of
+from fpk_rocking.physics.forcing.readers.components import Component
+from fpk_rocking.physics.forcing.readers.terms import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
 from fpk_rocking.scene.scene import Scene, under_motion

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.forcing.readers.components import UNITS, unit_of
+from fpk_rocking.physics.forcing.readers.terms import UNITS, unit_of
 
 _Number = TypeVar("_Number", float, Array)
 

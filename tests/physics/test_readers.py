@@ -8,7 +8,8 @@ import pytest
 
 from fpk_rocking import Record
 from fpk_rocking.physics.forcing.readers import reading
-from fpk_rocking.physics.forcing.readers.components import UNITS, Component, is_vertical, unit_of
+from fpk_rocking.physics.forcing.readers.components import Component
+from fpk_rocking.physics.forcing.readers.terms import UNITS, is_vertical, unit_of
 
 RNG = np.random.default_rng(11)
 N = 47

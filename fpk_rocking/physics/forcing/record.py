@@ -12,7 +12,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
 from fpk_rocking.physics.forcing.readers import reading
-from fpk_rocking.physics.forcing.readers.components import UNITS, unit_of
+from fpk_rocking.physics.forcing.readers.terms import UNITS, unit_of
 from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Samples, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS

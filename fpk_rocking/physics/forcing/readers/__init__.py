@@ -17,18 +17,11 @@ from fpk_rocking.physics.forcing.readers import (
     peer,
     shake,
     smc,
+    terms,
     traces,
     volumes,
 )
-from fpk_rocking.physics.forcing.readers.components import (
-    ACCEPTED,
-    MOST,
-    SEISMOMETER,
-    Component,
-    ReadingError,
-    chosen,
-    quantity_of,
-)
+from fpk_rocking.physics.forcing.readers.components import ACCEPTED, MOST, Component, ReadingError, chosen
 
 FAMILIES: list[Any] = [peer, knet, dyna, cosmos, geonet, smc, volumes, asa, shake, columns]
 """Modules with NAME, ``recognized(lines)`` and ``components(lines)``; the first that recognizes a file reads it."""
@@ -126,11 +119,11 @@ def said_by_name(found: Reading) -> str:
         return ""
     # Words end at capitals too: velocityHistory.
     words = re.split(r"[^A-Za-z0-9]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", stem))
-    said = [quantity_of(word) for word in words if len(word) > 2]
+    said = [terms.quantity_of(word) for word in words if len(word) > 2]
     # Motions that match a spectrum are motions.
     fits = re.search("match|compat|target", stem, re.IGNORECASE)
     said = [quantity for quantity in said if quantity and not (fits and "spectr" in quantity)]
-    said += ["seismometer's velocity"] * any(map(SEISMOMETER.fullmatch, words))
+    said += ["seismometer's velocity"] * any(map(terms.SEISMOMETER.fullmatch, words))
     if said and "acceleration" not in said:
         return said[0]
     last = words[-1].upper()

@@ -11,19 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fpk_rocking.physics.forcing.readers import fields, headers
-from fpk_rocking.physics.forcing.readers.components import (
-    SECONDS,
-    SEISMOMETER,
-    UNITS,
-    Component,
-    ReadingError,
-    is_vertical,
-    measured,
-    quantity_of,
-    quantity_of_unit,
-    unit_of,
-)
+from fpk_rocking.physics.forcing.readers import fields, headers, terms
+from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
 from fpk_rocking.physics.forcing.readers.traces import EXTRA
 
 NAME = "columns"
@@ -176,7 +165,7 @@ def _names(header, width):
     """Names of the columns, with the units that a row below them says; [] where the header has none."""
     # The nearest line first.
     rows = [row if len(row := split_names(line, width)) == width else [] for line in header[:-4:-1]]
-    if len(rows) > 1 and rows[0] and rows[1] and all(measured(unit.strip("()[]"))[0] for unit in rows[0]):
+    if len(rows) > 1 and rows[0] and rows[1] and all(terms.measured(unit.strip("()[]"))[0] for unit in rows[0]):
         return [f"{name} ({unit.strip('()[]')})" for name, unit in zip(rows[1], rows[0], strict=True)]
     apart = [row for line, row in zip(header[:-3:-1], rows, strict=False) if re.search(r"[,;\t]|\S\s{2,}\S", line)]
     names = next((row for row in rows if row and all(map(_is_known, row))), [])
@@ -187,7 +176,7 @@ def _names(header, width):
     above = split_names(header[-1], 0)
     if len(above) > 1 and all(map(_is_known, above)):
         raise ReadingError(f"{width} columns", f"the {len(above)} that the line of names has: {header[-1]!r}")
-    own = width == 1 and len(header[-1]) < 40 and ":" not in header[-1] and quantity_of(header[-1])
+    own = width == 1 and len(header[-1]) < 40 and ":" not in header[-1] and terms.quantity_of(header[-1])
     return header[-1:] if own else []
 
 
@@ -212,8 +201,8 @@ def _is_known(name):
     name = re.sub(r"\s*\([-+]\)$", "", name)
     if name.lower() == "in" or re.search("[=:]", name) or len(re.sub(r"[(\[].*?[)\]]", "", name).split()) > 3:
         return False
-    known = _is_time(name) or (quantity_of(name) and len(name) < 40) or _DIRECTION.fullmatch(name)
-    return bool(known or is_vertical(name) or measured(name)[0])
+    known = _is_time(name) or (terms.quantity_of(name) and len(name) < 40) or _DIRECTION.fullmatch(name)
+    return bool(known or terms.is_vertical(name) or terms.measured(name)[0])
 
 
 def _is_rows(rows, names, count):
@@ -258,7 +247,7 @@ def _time_column(names, table):
         places = [place for place, name in enumerate(names) if _is_time(name)]
         if len(places) > 1:
             raise ReadingError(f"{len(places)} columns of times", f"one: {', '.join(names)}")
-        if any(quantity_of(name) == "response spectrum" for name in names):
+        if any(terms.quantity_of(name) == "response spectrum" for name in names):
             raise ReadingError(f"a response spectrum, with the columns {', '.join(names[:4])}", "an accelerogram")
         return places[0] if places else None
     rising = [place for place, steps in enumerate(np.diff(table, axis=0).T) if len(steps) and (steps > 0.0).all()]
@@ -284,21 +273,21 @@ def _interval(text, times, place, names, stated):
 def _time_unit(name):
     """Seconds in the unit of a column of times; `ReadingError` for an unknown one."""
     words = re.split(r"[\s_,;()\[\]]+", name)
-    known = [SECONDS[unit] for quantity, unit in map(measured, words) if quantity == "time"]
+    known = [terms.SECONDS[unit] for quantity, unit in map(terms.measured, words) if quantity == "time"]
     bracket = re.search(r"[(\[](.*?)[)\]]", name)
     if not known and bracket:
-        raise ReadingError(f"times in {bracket[1]!r}", ", ".join(SECONDS))
+        raise ReadingError(f"times in {bracket[1]!r}", ", ".join(terms.SECONDS))
     return known[-1] if known else 1.0
 
 
 def _column(name, samples, interval, unit, said):
     """The component of a column with a name, in a file whose header says a unit and a quantity."""
-    own, quantity = _unit_in(name), quantity_of(name)
-    if not own and SEISMOMETER.fullmatch(name):
+    own, quantity = _unit_in(name), terms.quantity_of(name)
+    if not own and terms.SEISMOMETER.fullmatch(name):
         quantity = "seismometer's velocity"
-    other = quantity_of_unit(own) if own else ""
-    direction = _DIRECTION.fullmatch(re.sub(r"[(\[].*", "", name).strip()) or is_vertical(name)
-    quantity = other or quantity or ("acceleration" if own in UNITS else said if direction else "")
+    other = terms.quantity_of_unit(own) if own else ""
+    direction = _DIRECTION.fullmatch(re.sub(r"[(\[].*", "", name).strip()) or terms.is_vertical(name)
+    quantity = other or quantity or ("acceleration" if own in terms.UNITS else said if direction else "")
     if said != "acceleration" and quantity in ("", "acceleration"):
         quantity = said
     return Component(name, samples, interval, own or ("" if other else unit), quantity)
@@ -310,6 +299,6 @@ def _unit_in(name):
     parts = [word.split("_", start)[-1] for word in words for start in range(word.count("_") + 1)]
     bracket = re.search(r"[(\[]\s*(.*?)\s*[)\]]", name)
     text = bracket[1] if bracket else ""
-    found = next(filter(None, map(unit_of, [text, *parts])), "")
-    other = _DIRECTION.fullmatch(text) or is_vertical(text) or not re.search("[A-Za-z%]", text)
+    found = next(filter(None, map(terms.unit_of, [text, *parts])), "")
+    other = _DIRECTION.fullmatch(text) or terms.is_vertical(text) or not re.search("[A-Za-z%]", text)
     return found or ("" if other else text)

@@ -1,4 +1,4 @@
-"""Components of a record file: their units and quantities, what speaks against one, and which one is read."""
+"""Components of a record file: what speaks against one, and which one is read."""
 
 import dataclasses
 import math
@@ -9,44 +9,15 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
+from fpk_rocking.physics.forcing.readers import terms
 
 MOST = 2**20
 """Most samples: 87 minutes at 200 Hz."""
 
-UNITS = {"g": 9.80665, "m/s2": 1.0, "cm/s2": 0.01, "mm/s2": 1e-3, "mg": 9.80665e-3, "g/10": 0.980665}
-UNITS |= {"%g": 9.80665e-2, "ft/s2": 0.3048, "in/s2": 0.0254}
-"""Metres per second squared of a unit of acceleration."""
-
-SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
-"""Seconds in a unit of time."""
-
 ACCEPTED = "a horizontal acceleration of the base"
-
-_LENGTHS = {"cms": "cm", "feet": "ft", "foot": "ft", "inch": "in", "inches": "in"}
-_UNIT = re.compile(
-    r"(?P<length>mm|cms?|m|ft|feet|foot|in|inch(?:es)?)"
-    r"(?:[/._·*(]*(?:(?P<squared>s/s|s\(?-?2|ss|ps2|s_2|s\*2)\)?|(?P<once>s|ps|s-1)))?"
-)
-_SHORT = {"gal": "cm/s2", "gals": "cm/s2", "percentg": "%g", "milli-g": "mg", "kine": "cm/s", "kines": "cm/s"}
-_SHORT |= {"millis": "ms", "mins": "min", "minute": "min", "minutes": "min"}
-
-_QUANTITIES = {
-    "response spectrum": r"spectr|fourier|\bp?sa\b|\bpsv\b|\bperiods?\b|\bfreq",
-    "acceleration": r"\bacc|acel|\bag?\b|\bath\b",
-    "velocity": r"\bvel(?!\. de muestreo)|\bv\b(?= *[(\[])",
-    "displacement": r"\bdis(?:p|\b)|\bdesp",
-    "strain": r"strain",
-    "stress": r"stress",
-    "counts": r"\bcounts?\b",
-}
-
-_VERTICAL = re.compile(r"UP|DN|DOWN|DWN|V\d?|VER|VERT|VERTICAL|VRT|\d*UD\d?|U|Z|[A-Z]{2}Z\d{0,2}|400|401")
 
 _AXES = {"N": 0.0, "NS": 0.0, "E": 90.0, "EW": 90.0}
 """Degrees from north of the directions that may be asked for whatever a file calls its components."""
-
-SEISMOMETER = re.compile(r"[A-Z]H[NEZ123]")
-"""SEED's name of a channel that records a velocity; of an accelerometer the second letter is N, L or G."""
 
 
 class ReadingError(ValueError):
@@ -55,46 +26,6 @@ class ReadingError(ValueError):
     def __init__(self, got: str, accepted: str, line: int = 0):
         super().__init__(f"got {got}, accepted: {accepted}" + f" (line {line})" * (line > 0))
         self.got, self.accepted = got, accepted
-
-
-def measured(text: str) -> tuple[str, str]:
-    """(quantity, unit) that a text such as "cm/sec^2" means: a key of `UNITS`, `SECONDS`, or another; else ("", "")."""
-    word = re.sub(r"\s+|\^|\*\*|[{}]", "", text.lower()).replace("²", "2").strip(".:,;'\"")
-    word = re.sub(r"seconds?|secs?", "s", word)
-    word = _SHORT.get(word, word)
-    if word in UNITS or word in SECONDS:
-        return "acceleration" if word in UNITS else "time", word
-    match = _UNIT.fullmatch(word)
-    if match:
-        power = 2 if match["squared"] else 1 if match["once"] else 0
-        length = _LENGTHS.get(match["length"], match["length"])
-        return ("displacement", "velocity", "acceleration")[power], length + ("", "/s", "/s2")[power]
-    return ("counts", word) if re.fullmatch(r"counts?|volts?|v|mv|digits?", word) else ("", "")
-
-
-def unit_of(text: str) -> str | None:
-    """Key of `UNITS` that a text means, or None."""
-    quantity, unit = measured(text)
-    return unit if quantity == "acceleration" else None
-
-
-def quantity_of_unit(text: str) -> str:
-    """The quantity other than an acceleration that a unit measures: "velocity", "displacement", "counts"; else ""."""
-    quantity, _ = measured(text)
-    return "" if quantity in ("acceleration", "time") else quantity
-
-
-def quantity_of(text: str) -> str:
-    """The quantity that words name: "acceleration", "velocity", ...; "" where none is named."""
-    words = text.lower().replace("_", " ")
-    return next((name for name, pattern in _QUANTITIES.items() if re.search(pattern, words)), "")
-
-
-def is_vertical(name: str) -> bool:
-    """Whether a component's name, such as "UP", "acc_UD (gal)" or "BHZ00", is that of a vertical one."""
-    words = re.sub(r"[(\[].*?[)\]]", " ", name.upper())
-    parts = re.split(r"[^A-Z0-9]+", words)
-    return any(map(_VERTICAL.fullmatch, parts)) or words.strip() == "U-D"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -136,7 +67,7 @@ class Component:
 
     def __post_init__(self):
         shown = "".join(letter if letter.isprintable() else " " for letter in self.event)
-        checks.keep(self, unit=unit_of(self.unit) or self.unit, event=" ".join(shown.split())[:200])
+        checks.keep(self, unit=terms.unit_of(self.unit) or self.unit, event=" ".join(shown.split())[:200])
 
     @property
     def azimuth(self) -> float | None:
@@ -155,15 +86,16 @@ class Component:
     @property
     def objection(self) -> ReadingError | None:
         """Why the component is not read; None where nothing speaks against it."""
-        named, other = f" {self.name!r}" if self.name else "", quantity_of_unit(self.unit)
+        named, other = f" {self.name!r}" if self.name else "", terms.quantity_of_unit(self.unit)
+        units = ", ".join(terms.UNITS)
         if self.quantity not in ("acceleration", ""):
             return ReadingError(f"a {self.quantity}{named}".replace("a counts", "raw counts"), ACCEPTED)
-        if self.vertical or is_vertical(self.name):
+        if self.vertical or terms.is_vertical(self.name):
             return ReadingError(f"the vertical component{named}", "a horizontal one, as the base moves horizontally")
         if other:
-            return ReadingError(f"the unit {self.unit!r} of a {other}{named}", f"an acceleration in {', '.join(UNITS)}")
-        if self.unit and self.unit not in UNITS:
-            return ReadingError(f"the unknown unit {self.unit!r}{named}", ", ".join(UNITS))
+            return ReadingError(f"the unit {self.unit!r} of a {other}{named}", f"an acceleration in {units}")
+        if self.unit and self.unit not in terms.UNITS:
+            return ReadingError(f"the unknown unit {self.unit!r}{named}", units)
         return None
 
     @property

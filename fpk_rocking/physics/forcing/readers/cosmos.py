@@ -3,8 +3,8 @@
 import math
 import re
 
-from fpk_rocking.physics.forcing.readers import fields, headers
-from fpk_rocking.physics.forcing.readers.components import Component, ReadingError, quantity_of
+from fpk_rocking.physics.forcing.readers import fields, headers, terms
+from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
 
 NAME = "COSMOS"
 
@@ -49,7 +49,7 @@ def _component(heading, reals, data, rows):
     interval, length = fields.seconds(f"{reals[_MILLISECONDS]:.12g}", 1e-3), reals[_LENGTH]
     if length > 0.0 and abs(len(samples) * interval - length) > 0.01 * length + 2.0 * interval:
         raise ReadingError(f"{len(samples)} samples at {interval:g} s", f"the {length:g} s that it states")
-    quantity = "counts" if "raw" in data[2].lower() else quantity_of(data[2]) or "unknown quantity"
+    quantity = "counts" if "raw" in data[2].lower() else terms.quantity_of(data[2]) or "unknown quantity"
     name, event = f"{code} {direction.removeprefix('Other')}".strip(), heading[1].removeprefix("Record of ")
     peak = float(reals[_LARGEST]) if abs(reals[_LARGEST] + 999.0) > 1.0 else math.nan
     return Component(name, samples, interval, data[3], quantity, peak=peak, event=event)

@@ -5,15 +5,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from fpk_rocking.physics.forcing.readers import fields
-from fpk_rocking.physics.forcing.readers.components import (
-    SECONDS,
-    ReadingError,
-    measured,
-    quantity_of,
-    quantity_of_unit,
-    unit_of,
-)
+from fpk_rocking.physics.forcing.readers import fields, terms
+from fpk_rocking.physics.forcing.readers.components import ReadingError
 
 _N = fields.NUMBER
 _STEP = (
@@ -82,10 +75,10 @@ def interval(lines: Sequence[str]) -> float | None:
     if text:
         form = rf"(?:[(\[](\w+)[)\]])?\s*[=:]?\s*({_N}) ?([a-z]*)"
         bracket, value, word = re.findall(form, text, re.IGNORECASE)[0]
-        unit = measured(bracket or word)[1]
-        if bracket and unit not in SECONDS:
-            raise ReadingError(f"an interval in {bracket!r}", ", ".join(SECONDS))
-        found = fields.seconds(value, SECONDS.get(unit, 1.0))
+        unit = terms.measured(bracket or word)[1]
+        if bracket and unit not in terms.SECONDS:
+            raise ReadingError(f"an interval in {bracket!r}", ", ".join(terms.SECONDS))
+        found = fields.seconds(value, terms.SECONDS.get(unit, 1.0))
     return agreed("an interval", found, 1.0 / fields.seconds(rate)) if rate else found
 
 
@@ -100,11 +93,11 @@ def unit(lines: Sequence[str]) -> str:
         match = re.search(r"(?:\b[Uu]|(?<=[a-z])U)nits?\b|UNITS?\b|UNIDADES", line)
         rest = re.sub(r"1\.0* (?=mm)", "", line[match.end() :]) if match else ""
         words = [word.strip(".:") for word in re.findall(r"[^\s,;()\[\]=]+", rest)]
-        known = [unit_of(word) or word for word in words if unit_of(word) or quantity_of_unit(word)]
+        known = [terms.unit_of(word) or word for word in words if terms.unit_of(word) or terms.quantity_of_unit(word)]
         known = [word for word in known if word.lower() not in ("in", "m", "v")] or known
         other = [word for word in words if word.lower() not in ("of", "are", "is", "in", "the", "de", "los", "datos")]
         said |= dict.fromkeys(word[:40] for word in (known or other)[:1])
-    found = list(dict.fromkeys([*filter(None, map(unit_of, near)), *filter(None, said)]))
+    found = list(dict.fromkeys([*filter(None, map(terms.unit_of, near)), *filter(None, said)]))
     if len(found) > 1:
         raise ReadingError(f"a header with the units {' and '.join(found)}", "one of them")
     return found[0] if found else ""
@@ -118,7 +111,7 @@ def quantity(lines: Sequence[str]) -> str:
     if re.search(r"\bacc|acel", text, re.IGNORECASE):
         return "acceleration"
     # Of a filter and of the sampling are frequencies and periods that a header has.
-    return quantity_of(re.sub(r"\ba\b|freq\w*|period\w*", " ", text, flags=re.IGNORECASE)) or "acceleration"
+    return terms.quantity_of(re.sub(r"\ba\b|freq\w*|period\w*", " ", text, flags=re.IGNORECASE)) or "acceleration"
 
 
 def peak(lines: Sequence[str]) -> float:

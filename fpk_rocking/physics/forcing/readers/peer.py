@@ -2,8 +2,8 @@
 
 import re
 
-from fpk_rocking.physics.forcing.readers import fields, headers
-from fpk_rocking.physics.forcing.readers.components import Component, is_vertical
+from fpk_rocking.physics.forcing.readers import fields, headers, terms
+from fpk_rocking.physics.forcing.readers.components import Component
 
 NAME = "PEER"
 
@@ -32,6 +32,6 @@ def components(lines: list[str]) -> list[Component]:
     title = head[1] if len(head) > 1 else ""
     words = re.sub(r"\(.*?\)", " ", title.rpartition(",")[2]).split()
     # A longer end is no name of a component, but its last word may be.
-    name = " ".join(words) if len(words) <= 3 else words[-1] if is_vertical(words[-1]) else ""
+    name = " ".join(words) if len(words) <= 3 else words[-1] if terms.is_vertical(words[-1]) else ""
     said = [line for line in head if _SAYS.search(line)][-1:]
     return [Component(name, samples, fields.seconds(step), headers.unit(said), headers.quantity(said), event=title)]

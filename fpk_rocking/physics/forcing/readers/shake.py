@@ -2,8 +2,8 @@
 
 import re
 
-from fpk_rocking.physics.forcing.readers import fields
-from fpk_rocking.physics.forcing.readers.components import Component, quantity_of
+from fpk_rocking.physics.forcing.readers import fields, terms
+from fpk_rocking.physics.forcing.readers.components import Component
 
 NAME = "SHAKE91"
 
@@ -24,7 +24,7 @@ def components(lines: list[str]) -> list[Component]:
     for (place, header), end in zip(matches, ends, strict=True):
         title = " ".join(lines[place - 1].split())
         name = title.partition(" - ")[0].replace("ACCE. TH AT ", "")
-        quantity = "acceleration" if "ACCE" in title.upper() else quantity_of(title) or "unknown quantity"
+        quantity = "acceleration" if "ACCE" in title.upper() else terms.quantity_of(title) or "unknown quantity"
         samples, interval = fields.values(lines[place + 1 : end], header[1], "(8F10.6)"), fields.seconds(header[2])
         found.append(Component(name, samples, interval, "g", quantity, peak=float(header[3]), event=title))
     return found
