@@ -197,6 +197,7 @@ def asa():
         "INTERVALO DE MUESTREO, C1-C6, (s)": "/0.01/0.01/0.01",
         "NUM. TOTAL DE MUESTRAS, C1-C6": f"/{N}/{N}/{N}",
         "ACEL. MAX.(Gal), C1-C6": f"/{peak(OTHER)}/{peak(UP)}/{peak(SAMPLES)}",
+        "ACEL. MAX., C1-C6, EN LA MUESTRA": "/3/7/11",
         "UNIDADES DE LOS DATOS": "Gal",
         "FORMATO DATOS (FORTRAN,10 campos/dato)": "3F10.4",
     }

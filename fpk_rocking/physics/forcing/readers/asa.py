@@ -1,13 +1,11 @@
 """ASA 2.0 of Mexico: a header in Spanish, and a column for each channel."""
 
-import re
-
 from fpk_rocking.physics.forcing.readers import fields, headers
 from fpk_rocking.physics.forcing.readers.components import Component, ReadingError
 
 NAME = "ASA 2.0"
 
-_KEYS = "ORIENTACION", "NUM. TOTAL DE MUESTRAS", "INTERVALO DE MUESTREO", "ACEL. MAX."
+_KEYS = "ORIENTACION", r"NUM\. TOTAL DE MUESTRAS", "INTERVALO DE MUESTREO", r"ACEL\. MAX\. ?\(Gal\)"
 """Lines with an entry for each channel, apart by slashes: names, counts, intervals, peaks."""
 
 
@@ -26,7 +24,7 @@ def components(lines: list[str]) -> list[Component]:
     def said(key):
         return headers.stated(header, rf"^\s*{key}[^:]*:\s*(\S.*?)\s*$") or ""
 
-    rows = [said(rf"{re.escape(key)}.*?C1-C6").strip("/ ").split("/") for key in _KEYS]
+    rows = [said(rf"{key}.*?C1-C6").strip("/ ").split("/") for key in _KEYS]
     names, counts, intervals, peaks = ([entry.strip() for entry in row] for row in rows)
     if not len(names) == len(counts) == len(intervals) == len(peaks) or set(counts) != {counts[0]}:
         raise ReadingError(f"{len(names)} orientations, counts {counts}", "a count for each, all equal")
