@@ -14,7 +14,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import File
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.forcing.readers import reading, said_by_name
-from fpk_rocking.physics.forcing.readers.components import ACCEPTED, UNITS, unit_of
+from fpk_rocking.physics.forcing.readers.components import ACCEPTED
+from fpk_rocking.physics.forcing.readers.terms import UNITS, unit_of
 from fpk_rocking.risk.motions import event_of
 
 _SQUARE, _LENGTHS = 10.0, 0.01
