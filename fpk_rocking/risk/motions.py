@@ -251,19 +251,28 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
     return lines
 
 
-def event_of(text: str) -> str:
-    """Return what a file says of event and station, `text`, without a last part that is the azimuth of a component."""
+def event_of(text: str) -> tuple[str, float | None]:
+    """Return what a file says of event and station, `text`, without a last part that is an azimuth, and the azimuth."""
     head, _, last = text.rpartition(", ")
-    return head if head and Component(last, np.zeros(1)).azimuth is not None else text
+    azimuth = Component(last, np.zeros(1)).azimuth if head else None
+    return (text, None) if azimuth is None else (head, azimuth)
 
 
 def same_event(scenes: Sequence[Scene]) -> list[int]:
     """Return a number for the event of each scene's motion: one for two components of which files say the same event.
 
-    Three or more of one text stay apart: it may be a general one.
+    Azimuths that they say have to differ. Three or more of one text stay apart: it may be a general one.
     """
-    texts = [event_of(getattr(scene.forcing, "event", "")) for scene in scenes]
-    return [texts.index(text) if text and texts.count(text) == 2 else number for number, text in enumerate(texts)]
+    said = [event_of(getattr(scene.forcing, "event", "")) for scene in scenes]
+    texts = [text for text, _ in said]
+    labels = list(range(len(texts)))
+    for text in filter(None, dict.fromkeys(texts)):
+        places = [place for place, other in enumerate(texts) if other == text]
+        turns = {said[place][1] for place in places}
+        # Two of one azimuth are of two stations.
+        if len(places) == 2 and (turns == {None} or (len(turns) == 2 and None not in turns)):
+            labels[places[1]] = places[0]
+    return labels
 
 
 def motion_names(scenes: Sequence[Scene]) -> list[str]:

@@ -89,7 +89,7 @@ def _turned(first, second, azimuth, units, interval):
         named = f"components {one.name!r} and {two.name!r}"
         raise ValueError(f"{where}: got {named}, accepted: names that say the azimuth: NS, N30E, 120 DEG, 279")
     apart = math.sin(math.radians(own[1] - own[0]))
-    events = {event_of(component.event) for component in (one, two)} - {""}
+    events = {event_of(component.event)[0] for component in (one, two)} - {""}
     if abs(apart) < math.cos(math.radians(_SQUARE)) or len(events) > 1:
         got = f"{one.description} of {one.event or path.name}; {two.description} of {two.event or other.name}"
         raise ValueError(f"{where}: got {got}, accepted: two components of one motion at right angles")

@@ -46,21 +46,11 @@ def test_an_event_counts_as_one_motion_by_the_mean_of_its_components():
 
 
 def test_two_components_whose_files_say_the_same_event_and_station_are_one_motion():
-    texts = [
-        "EVENT, STATION, 090",
-        "EVENT, STATION, 000",
-        "EVENT, OTHER, 090",
-        "",
-        "",
-        "PEER",
-        "PEER",
-        "PEER",
-        "A, EW",
-        "A, NS",
-    ]
+    texts = ["EVENT, STATION, 090", "EVENT, STATION, 000", "EVENT, OTHER, 090", "", "", "PEER", "PEER", "PEER"]
+    texts += ["A, EW", "A, NS", "TIME, ABN", "TIME, CDN", "10:05, IWT008", "10:05, IWT008"]
     motions = [Record(0.1, (0.0, 1.0, 0.0), "m/s2", event=text) for text in texts]
     scenes = [Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in motions]
-    assert same_event(scenes) == [0, 0, 2, 3, 4, 5, 6, 7, 8, 8]
+    assert same_event(scenes) == [0, 0, 2, 3, 4, 5, 6, 7, 8, 8, 10, 11, 12, 12]
 
 
 def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, capsys):
