@@ -4,6 +4,7 @@
 VENV := .venv
 PEERS := .venv-peers
 INTEROP := .venv-interop
+ENGINES := .venv-engines
 FLOORS := .venv-floors
 NEWEST := .venv-newest
 BIN := $(VENV)/bin
@@ -15,7 +16,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c c
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help install run gallery test floors newest slow mutants docs wheel bench bench-full peers interop lint clean
+.PHONY: help install run gallery test floors newest slow mutants docs wheel bench bench-full peers interop engines lint clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -75,13 +76,16 @@ peers: $(PEERS)/.installed  ## other packages on problems they can state, into d
 interop: $(INTEROP)/.installed  ## annual rates of exported curves by the calculations of OpenQuake and pelicun
 	$(INTEROP)/bin/python benchmarks/interop.py
 
+engines: $(ENGINES)/.installed  ## physics engines on the rocking block, three minutes (docs/engines.md)
+	$(ENGINES)/bin/python benchmarks/peers_engines.py
+
 lint: $(STAMP)  ## ruff: rules and format; mypy: types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check --quiet
 	$(BIN)/mypy
 
 clean:  ## remove environments, caches and results
-	rm -rf $(VENV) $(PEERS) $(INTEROP) $(FLOORS) $(NEWEST) build dist results .mypy_cache .pytest_cache .ruff_cache
+	rm -rf $(VENV) $(PEERS) $(INTEROP) $(ENGINES) $(FLOORS) $(NEWEST) build dist results .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # The build backend is installed first, pinned like the rest, and used from there: an isolated build would fetch another.
@@ -106,6 +110,12 @@ $(PEERS)/.installed: $(STAMP) constraints-peers.txt
 	$(BIN)/python -m venv --clear $(PEERS)
 	$(subst $(VENV),$(PEERS),$(INSTALL)) hatchling
 	$(subst $(VENV),$(PEERS),$(INSTALL)) -c constraints-peers.txt --no-build-isolation -e '.[peers]'
+	@touch $@
+
+$(ENGINES)/.installed: $(STAMP) constraints-engines.txt
+	$(BIN)/python -m venv --clear $(ENGINES)
+	$(subst $(VENV),$(ENGINES),$(INSTALL)) hatchling
+	$(subst $(VENV),$(ENGINES),$(INSTALL)) -c constraints-engines.txt --no-build-isolation -e '.[engines]'
 	@touch $@
 
 # OpenQuake's own dependencies contain GDAL, which neither its readers nor a calculation from a hazard curve need.

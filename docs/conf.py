@@ -17,12 +17,17 @@ copyright = "the fpk-rocking authors, BSD 3-Clause"  # noqa: A001
 release = version = importlib.metadata.version("fpk-rocking")
 language = "en-GB"
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "numpydoc"]
 extensions += ["bars", "cases", "command_help", "evidence", "mathml"]  # ours, in _ext
 
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_fence_as_directive = ["math"]
 myst_heading_anchors = 4
+
+# Notebooks are run with each build; the file holds no output.
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
 
 default_role = "py:obj"
 autodoc_typehints = "none"

@@ -50,10 +50,16 @@ def drawing() -> Iterator[Callable[..., Any]]:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
+    class Picture(Figure):
+        """A figure that a notebook shows as the last value of a cell, where pyplot was never loaded too."""
+
+        def _repr_png_(self):
+            return png_of(self)
+
     def figure(**options):
-        canvas_figure = Figure(**options)
-        FigureCanvasAgg(canvas_figure)
-        return canvas_figure
+        picture = Picture(**options)
+        FigureCanvasAgg(picture)
+        return picture
 
     with mpl.rc_context({**mpl.rcParamsDefault, **_SETTINGS}):  # type: ignore[dict-item]
         yield figure
@@ -130,14 +136,19 @@ def save(figure: Any, path: File) -> pathlib.Path:
     return pathlib.Path(path)
 
 
+def png_of(figure: Any, dots: int = 110) -> bytes:
+    """Return a figure as a PNG of `dots` pixels an inch."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=dots)
+    return picture.getvalue()
+
+
 def picture_html(figure: Any, meaning: str, dots: int = 110) -> str:
     """Return a figure as an <img> of HTML that holds its own data, a PNG of `dots` pixels an inch.
 
     `meaning` is a text for those who do not see it.
     """
-    picture = io.BytesIO()
-    figure.savefig(picture, format="png", dpi=dots)
-    data = base64.b64encode(picture.getvalue()).decode("ascii")
+    data = base64.b64encode(png_of(figure, dots)).decode("ascii")
     return f"<img alt='{html.escape(meaning)}' src='data:image/png;base64,{data}'>"
 
 

@@ -2,14 +2,17 @@
 
 import dataclasses
 import functools
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
-from fpk_rocking.base.checks import Array
+from fpk_rocking.base import checks
+from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.physics.forcing import refuse_transient
 from fpk_rocking.results.remarks import EXACT_PATH, path_diagnostics
 from fpk_rocking.results.trust import Diagnostic
+from fpk_rocking.scene import Scene
+from fpk_rocking.scene.axes import result_times
 from montecarlo.results.counts import Paths, Sample
 
 
@@ -24,7 +27,7 @@ class Ensemble(Sample):
     scene, seed, steps_per_cycle
         As given to `simulate`.
     method : str
-        "exact", "rk4", "white" or "filtered".
+        "exact", "rk4", "white" or "filtered"; a name of one's own for `from_paths`.
     wall_s : float
         Seconds that the call took, compilation included.
     times : ndarray, shape (rows,)
@@ -45,6 +48,70 @@ class Ensemble(Sample):
     overturn_time: Annotated[Array, "f8 realization"]
     overturn_side: Annotated[Array, "i1 realization"]
     returns: Annotated[Array, "i8 2"]
+
+    @classmethod
+    def from_paths(
+        cls, scene: Scene, angle: ArrayLike, velocity: ArrayLike, times: ArrayLike | None = None, method: str = "own"
+    ) -> Self:
+        """Make an ensemble of paths that were computed elsewhere, to plot it or hold it against other results.
+
+        A block counts as overturned from the first of its states on that is at ``scene.overturning.angle`` or beyond;
+        what comes after that state is not used, and may be nan.
+
+        Parameters
+        ----------
+        scene : Scene
+            What the paths are of.
+        angle, velocity : array_like, shape (realizations, n + 1)
+            Nondimensional states, in critical angles, after 0 to n cycles, or at `times`, the first at the start.
+        times : array_like, optional
+            Where the forcing does not repeat: n + 1 times τ, the first 0.
+        method : str
+            Name of what computed them, for titles.
+
+        Raises
+        ------
+        ValueError
+            Shapes differ, or a state before the block has overturned is not finite.
+
+        Examples
+        --------
+        >>> from fpk_rocking import load_scene
+        >>> from montecarlo import Ensemble
+        >>> own = Ensemble.from_paths(load_scene("main"), [[0, 0.4, 1.7], [0, -0.2, 0.1]], [[0, 1, 3], [0, -1, 0]])
+        >>> print(own.survival, own.overturn_side)
+        [1.  1.  0.5] [1 0]
+        """
+        accepted = "a row for each path, a column for each time from the start on"
+        states = [checks.array(name, value, accepted) for name, value in (("angle", angle), ("velocity", velocity))]
+        if states[0].ndim != 2 or states[0].shape != states[1].shape or 0 in states[0].shape:
+            got = " and ".join(str(state.shape) for state in states)
+            raise ValueError(checks.refusal("angle and velocity", f"arrays of shapes {got}", accepted))
+        rows, bound = states[0].shape[1], checks.instance("scene", scene, Scene).overturning.angle
+        at = result_times(scene, rows - 1) if times is None else result_times(scene, times=times)
+        if at.size != rows:
+            raise ValueError(checks.refusal("times", f"{at.size} times", f"the {rows} of the columns, the first 0"))
+        over = np.maximum.accumulate(np.abs(states[0]) >= bound, axis=1)
+        if not np.isfinite(np.where(over, 0.0, states)).all():
+            raise ValueError(
+                checks.refusal("angle and velocity", "nan or inf", f"numbers until the angle is {bound:g}")
+            )
+        first, ended = np.argmax(over, axis=1), over[:, -1]
+        side = np.sign(np.take_along_axis(states[0], first[:, None], axis=1)[:, 0])
+        angles, velocities = np.where(over, np.nan, states)
+        return cls(
+            scene=scene,
+            method=checks.sentence("method", method),
+            seed=0,
+            steps_per_cycle=0,
+            wall_s=0.0,
+            times=at,
+            angle=angles,
+            velocity=velocities,
+            overturn_time=np.where(ended, at[first], np.nan),
+            overturn_side=np.where(ended, side, 0.0).astype(np.int8),
+            returns=np.zeros(2, np.int64),
+        )
 
     @property
     def realizations(self) -> int:

@@ -21,6 +21,7 @@ from fpk_rocking.scene import (
     Harmonic,
     NoNoise,
     Overturning,
+    Pulse,
     Scene,
     Start,
     load_scene,
@@ -372,3 +373,55 @@ def test_overturning_ends_a_history():
     assert np.array_equal(np.isfinite(run.angle[0]), run.time < run.overturn_time[0])
     assert np.nanmax(run.angle) < 1.5
     assert run.impact_time.size == 0
+
+
+def own_paths(ensemble):
+    """Paths of an ensemble as another integrator would give them: beyond the angle they go on."""
+    over, side = np.isnan(ensemble.angle), ensemble.overturn_side[:, None]
+    return np.where(over, 2.0 * side, ensemble.angle), np.where(over, side, ensemble.velocity)
+
+
+def test_an_ensemble_of_own_paths_is_that_of_the_engine(ensemble, tmp_path):
+    angle, velocity = own_paths(ensemble)
+    own = Ensemble.from_paths(SCENE, angle, velocity, method="mine")
+    assert 0.0 < own.survival[-1] < 1.0
+    for name in ("times", "angle", "velocity", "overturn_side", "overturned_counts", "survival"):
+        np.testing.assert_array_equal(getattr(own, name), getattr(ensemble, name), err_msg=name)
+    ended = own.overturn_side != 0
+    late = own.overturn_time[ended] - ensemble.overturn_time[ended]
+    assert late.min() >= 0.0
+    assert late.max() <= SCENE.period
+    assert "mine" in own.title
+    own.save(tmp_path / "own.npz")
+    np.testing.assert_array_equal(Ensemble.load(tmp_path / "own.npz").angle, own.angle)
+
+
+def test_own_paths_may_end_in_nan_once_the_block_is_over(ensemble):
+    angle, velocity = own_paths(ensemble)
+    after = np.cumsum(np.abs(angle) >= 2.0, axis=1) > 1
+    lost = Ensemble.from_paths(SCENE, np.where(after, np.nan, angle), np.where(after, np.nan, velocity))
+    np.testing.assert_array_equal(lost.overturned_counts, ensemble.overturned_counts)
+
+
+@pytest.mark.parametrize(
+    ("angle", "velocity", "times", "message"),
+    [
+        ([[0, 1]], [[0, 1, 2]], None, r"shapes \(1, 2\) and \(1, 3\)"),
+        ([0, 1], [0, 1], None, "a row for each path"),
+        ([[0, np.nan]], [[0, 1]], None, "numbers until the angle is 1.57"),
+        ([[0, 1]], [[0, np.inf]], None, "numbers until the angle is 1.57"),
+        ([[0, 1]], [[0, 1]], [0, 1], "times"),
+    ],
+)
+def test_own_paths_that_are_no_paths_are_refused(angle, velocity, times, message):
+    with pytest.raises(ValueError, match=message):
+        Ensemble.from_paths(SCENE, angle, velocity, times)
+
+
+def test_own_paths_of_a_motion_have_the_times_that_are_given():
+    pulse = dataclasses.replace(SCENE, forcing=Pulse("one-sine", 3.0, 3.0), noise=NoNoise())
+    own = Ensemble.from_paths(pulse, [[0, 1.0, -1.6]], [[0, 1, -1]], times=[0.0, 2.0, 5.0])
+    assert own.overturn_side.tolist() == [-1]
+    assert own.overturn_time.tolist() == [5.0]
+    with pytest.raises(ValueError, match="the 3 of the columns"):
+        Ensemble.from_paths(pulse, [[0, 1.0, -1.6]], [[0, 1, -1]], times=[2.0, 5.0, 6.0])

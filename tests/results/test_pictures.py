@@ -1,4 +1,8 @@
-"""A page of panels: its size, its title and its notes."""
+"""Pictures: a page of panels with its title and notes, and a figure in a notebook."""
+
+import io
+
+from PIL import Image
 
 from fpk_rocking.results import pictures
 
@@ -16,3 +20,11 @@ def test_notes_are_wrapped_to_the_width_of_the_page(tmp_path):
     with pictures.page(path, (4.0, 3.0), "Title") as figure:
         figure.subplots()
     assert not figure.get_supxlabel()
+
+
+def test_a_notebook_shows_a_picture_without_a_magic_line():
+    """IPython asks the last value of a cell for its PNG."""
+    figure = pictures.figure_of(lambda _, axes: axes.plot([0, 1]))
+    with Image.open(io.BytesIO(figure._repr_png_())) as picture:
+        assert picture.format == "PNG"
+        assert picture.width > 300
