@@ -31,6 +31,7 @@ LONG = 100
 EQUAL = "docs/benchmarks/time_at_equal_error.json"
 SOURCES = {
     "README.md": ["docs/tutorials/first_block.md", EQUAL, "docs/gallery.md"],
+    "docs/engines.md": ["docs/benchmarks/physics_engines.json", "docs/benchmarks/shake_table_tests.json"],
     "docs/findings.md": [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("findings/*.sh"))],
     "docs/howto/large_and_rare.md": ["docs/benchmarks/monte_carlo_accuracy_of_the_engines.json"],
     "docs/index.md": ["docs/tutorials/first_block.md"],
@@ -53,6 +54,7 @@ ALLOWED = {
         "3.11": "version of Python",
         **dict.fromkeys(("122", "719", "727"), PAGES_OF_THE_PAPER),
     },
+    "docs/engines.md": {".25": "product of two frictions of .5, in the code", ".001": "step, in the code"},
     "docs/faq.md": {
         ".163": "the smallest restitution under white noise, docs/theory.md",
     },
@@ -119,9 +121,10 @@ ALLOWED = {
 }
 
 # Pictures of the benchmarks, and the files of their numbers.
-MEASURED = {"convergence.png": "density_solver_mesh_nodes_and_orders.json"} | {
-    f"shake_table_{name}.png": "shake_table_tests.json" for name in ("fragility", "missed", "reliability")
-}
+MEASURED = {
+    "convergence.png": "density_solver_mesh_nodes_and_orders.json",
+    "physics_engines.png": "physics_engines.json",
+} | {f"shake_table_{name}.png": "shake_table_tests.json" for name in ("fragility", "missed", "reliability")}
 
 FENCE = re.compile(r"^( *)```.*?^\1```$", re.MULTILINE | re.DOTALL)
 NOT_PROSE = re.compile(r"`[^`\n]*`|!\[[^\]]*\]\([^)]*\)|\]\([^)]*\)|https?://\S+|\$[^$\n]+\$")

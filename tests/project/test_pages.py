@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import json
 import pathlib
 import re
 import shlex
@@ -191,3 +192,12 @@ def test_files_to_download_are_those_that_the_page_shows():
     assert f"```toml\n{(folder / 'rack.toml').read_text(encoding='utf-8')}```" in page
     lines = (folder / "pgv.csv").read_text(encoding="utf-8").splitlines()
     assert "\n\n" + "".join(f"    {line}\n" for line in lines) + "\n" in page
+
+
+def test_notebooks_hold_no_output():
+    """The site runs them; what a file shows would grow old."""
+    notebooks = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+    assert notebooks
+    for path in notebooks:
+        cells = [cell for cell in json.loads(path.read_text(encoding="utf-8"))["cells"] if cell["cell_type"] == "code"]
+        assert all(not cell["outputs"] and cell["execution_count"] is None for cell in cells), path.name
