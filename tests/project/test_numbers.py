@@ -54,7 +54,11 @@ ALLOWED = {
         "3.11": "version of Python",
         **dict.fromkeys(("122", "719", "727"), PAGES_OF_THE_PAPER),
     },
-    "docs/engines.md": {".25": "product of two frictions of .5, in the code", ".001": "step, in the code"},
+    "docs/engines.md": {
+        ".25": "product of two frictions of .5, in the code",
+        ".001": "step, in the code",
+        "238": "as docs/world.md, phrases of tests/benchmarks/test_shake_table.py",
+    },
     "docs/faq.md": {
         ".163": "the smallest restitution under white noise, docs/theory.md",
     },
