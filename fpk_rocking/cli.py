@@ -19,6 +19,7 @@ from fpk_rocking.options import (
     Parser,
     Version,
     arguments_by_name,
+    building_of,
     cases_of,
     distributions,
     hazard_of,
@@ -101,10 +102,11 @@ def command_line() -> argparse.ArgumentParser:
     options = f"scenes --scales --pga --pgv {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
     options += " --uncertain --blocks --workers --store --records --units --interval --component --baseline --corner-hz"
+    options += " --ground --building --intensities --measure"
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scenes --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
-    options += " --azimuth --depth --events"
+    options += " --azimuth --depth --events --ground --building"
     options += " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --mass --workers"
     options += " --store --name --seed --out --json"
     more = "Several scenes are several blocks under the same records, motion by motion."
@@ -198,7 +200,7 @@ def _fragility(options):
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: numbers("--over", values)}
-    scenes, scales = scenes_at_scales(options, scenes)
+    scenes, scales, measure = scenes_at_scales(options, scenes)
     motions = scenes
     uncertain, draws = distributions(options), None
     if uncertain:
@@ -210,6 +212,7 @@ def _fragility(options):
         result = fragility(
             scenes[0] if len(scenes) == 1 else scenes,
             scale=scales,
+            measure=measure,
             **rows_of(options, scenes[0]),
             levels=numbers("--levels", options.levels) if options.levels else (),
             over=over,
@@ -268,9 +271,19 @@ def _risk(options):
                 scale_noise=not options.keep_noise,
                 uncertain=distributions(options),
                 name=name,
+                building=building_of(options),
                 progress=progress,
                 **passed(
-                    options, "blocks", "mass", "measure", "baseline", "corner_hz", "realizations", "seed", "workers"
+                    options,
+                    "ground",
+                    "blocks",
+                    "mass",
+                    "measure",
+                    "baseline",
+                    "corner_hz",
+                    "realizations",
+                    "seed",
+                    "workers",
                 ),
                 **own,
             )
@@ -279,9 +292,10 @@ def _risk(options):
     if options.out:
         result.write(options.out, options.typed)
         for one in studies:
-            if one.not_for_pelicun:
-                missing = f"{one.name}.csv and {one.name}.json for pelicun are not written"
-                sys.stderr.write(f"fpk-rocking risk: {missing}: {one.not_for_pelicun}\n")
+            files = {f"{one.name}.xml for OpenQuake is not written": one.not_for_openquake}
+            files[f"{one.name}.csv and {one.name}.json for pelicun are not written"] = one.not_for_pelicun
+            for missing, why in files.items():
+                sys.stderr.write(f"fpk-rocking risk: {missing}: {why}\n" * bool(why))
     text = json.dumps(result.summary(), allow_nan=False, ensure_ascii=False) if options.json else result.text()
     sys.stdout.write(text + "\n")
 

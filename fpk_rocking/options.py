@@ -110,9 +110,15 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         names, as PGA (cm/s2),return period (years); OpenQuake's hazard curves; or K0:K for the hazard
                         K0 im^-K; without one there is a curve and no rate
 --site LON,LAT|N        site of OpenQuake's hazard curves: --site=LON,LAT in degrees, or its number from 1
---intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default: 12 over the
-                        range in which the motions overturn the block)
---measure NAME          intensity of the motion: PGV in m/s (default) or PGA in g
+--ground FILE+          where the records are of an upper floor: the ground motion of each, in the same order;
+                        intensities are those of the ground, and both are scaled together
+--building T,ZETA,FACTOR  where the block stands on a floor and the records are of the ground: period in seconds and
+                        damping of a building of one mode, and participation factor times mode shape at the floor, as
+                        0.5,0.05,1.3
+--intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default of risk: 12
+                        over the range in which the motions overturn the block)
+--measure NAME          intensity of the motion: PGV in m/s (default), PGA in g, "Sa(1.0)" (5 %% damped, at 1 s) in g,
+                        "PGV*" for p PGV/(g tan θ_cr); of an upper floor itself PFA in g or PFV in m/s
 --units NAME            unit of the records where their files do not say it: g, m/s2, cm/s2, mm/s2, mg, g/10, %%g, ft/s2
                         or in/s2
 --interval S:float      time between samples, seconds, where the files do not say it
@@ -289,18 +295,34 @@ def passed(options, *names):
 
 
 def scenes_at_scales(options, scenes):
-    """Scenes at scale 1, and scales; with --pga or --pgv scale 1 is intensity 1."""
+    """Scenes at scale 1, where that is an intensity of 1, scales, and the measure that was stated."""
     from fpk_rocking.risk.motions import at_intensity
 
-    lists = passed(options, "scales", "pga", "pgv")
+    lists = passed(options, "scales", "pga", "pgv", "intensities")
     if len(lists) != 1:
         raise ValueError(
-            f"--scales: got {options.scales!r}, accepted: a list of factors, or --pga or --pgv in its place"
+            f"--scales: got {options.scales!r}, accepted: factors, or --pga, --pgv or --intensities in its place"
         )
-    ((measure, text),) = lists.items()
-    if measure != "scales":
-        scenes = [at_intensity(scene, measure.upper(), noise=not options.keep_noise) for scene in scenes]
-    return scenes, numbers(f"--{measure}", text)
+    ((option, text),) = lists.items()
+    if options.measure and option != "intensities":
+        raise ValueError(f"--measure: got {options.measure!r}, accepted: together with --intensities")
+    measure = {"scales": None, "intensities": options.measure or "PGV"}.get(option, option.upper())
+    if measure:
+        scenes = [at_intensity(scene, measure, noise=not options.keep_noise) for scene in scenes]
+    # That of --pga and --pgv is seen where all scenes have it, which those of --over may not.
+    return scenes, numbers(f"--{option}", text), measure if option == "intensities" else None
+
+
+def building_of(options):
+    """Return the building of --building, or None."""
+    from fpk_rocking.risk.floors import Building
+
+    if options.building is None:
+        return None
+    values = numbers("--building", options.building)
+    if len(values) != 3 or ":" in options.building:
+        raise ValueError(f"--building: got {options.building!r}, accepted: T,ZETA,FACTOR, as in 0.5,0.05,1.3")
+    return Building(*values)
 
 
 def shaken_scenes(options):
@@ -310,10 +332,11 @@ def shaken_scenes(options):
     scenes = [scene_of(options, path) for path in options.scenes]
     if options.records and len(scenes) > 1:
         raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
-    for name, value in passed(options, "units", "interval", "component").items():
+    for name, value in passed(options, "units", "interval", "component", "ground", "building").items():
         if not options.records:
             raise ValueError(f"--{name}: got {value!r}, accepted: together with --records")
-    corrections = passed(options, "units", "interval", "component", "baseline", "corner_hz")
-    if not (options.records or corrections):
+    corrections = passed(options, "units", "interval", "component", "baseline", "corner_hz", "ground")
+    corrections["building"] = building_of(options)
+    if not options.records and corrections == {"building": None}:
         return scenes
     return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **corrections)]

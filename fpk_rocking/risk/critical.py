@@ -12,12 +12,20 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.pictures import COLOURS, figure_of
 from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagnostics
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic
-from fpk_rocking.risk.motions import intensity_of, measure_of, motion_names, motion_table, recorded_scenes
+from fpk_rocking.risk.floors import Building
+from fpk_rocking.risk.motions import (
+    floor_diagnostics,
+    intensity_of,
+    measure_of,
+    motion_names,
+    motion_table,
+    recorded_scenes,
+)
 from fpk_rocking.risk.search import (
     FARTHEST,
     MotionOutcomes,
@@ -59,7 +67,7 @@ class CriticalIntensities(Result):
     scenes : tuple of Scene, (m,)
         The block under each motion, at the motion's own scale.
     measure : str
-        "PGA" (in g), "PGV" (in m/s), or "scale".
+        As for `at_intensity`, or "scale".
     highest : float
         Highest intensity of the search; inf for the default of `critical_intensities`.
     own : ndarray, shape (m,)
@@ -162,7 +170,8 @@ class CriticalIntensities(Result):
             for scene, scales in pairs
             for diagnostic in scene_diagnostics(scene, "", scales=scales)
         }
-        return [*of_scenes.values(), *factor_diagnostics(self.factor, self.always / self.own)]
+        own = floor_diagnostics(self.scenes, self.measure) + factor_diagnostics(self.factor, self.always / self.own)
+        return [*of_scenes.values(), *own]
 
     @property
     def reason_if_ok(self) -> str:
@@ -192,10 +201,8 @@ class CriticalIntensities(Result):
 
         "overturns_at" are all intervals of overturning as a text. Seconds and m/s are nan without block dimensions.
         """
-        peaks = motion_table(self.scenes)
-        columns = {
-            "pga_g": peaks["pga_g"],
-            "pgv_m_per_s": peaks["pgv_m_per_s"],
+        peaks = {name: values for name, values in motion_table(self.scenes).items() if name != "motion"}
+        columns = peaks | {
             "own_intensity": self.own,
             "critical_intensity": self.critical,
             "always_intensity": self.always,
@@ -291,6 +298,8 @@ def critical_intensities(
     measure: str = "PGV",
     units: str | None = None,
     baseline: str | None = None,
+    ground: Sequence[Record | File] = (),
+    building: Building | None = None,
     cycles: int | None = None,
     times: ArrayLike | None = None,
     workers: int | Executor = 1,
@@ -313,8 +322,8 @@ def critical_intensities(
         Largest intensity of the search. By default it goes on until the block overturns at all intensities over a
         factor of 2, and up to 1,000 times the acceleration of uplift.
     measure : str
-        "PGV" (in m/s), "PGA" (in g), or "scale" (the factor of the motion itself).
-    units, baseline
+        As for `fpk_rocking.risk.at_intensity`, or "scale" (the factor of the motion itself).
+    units, baseline, ground, building
         Of records, as for `fpk_rocking.risk.study`.
     cycles, times
         As for `montecarlo.simulate`: overturning counts until the last of them.
@@ -343,14 +352,19 @@ def critical_intensities(
     """
     started = time.perf_counter()
     if isinstance(scene, Scene):
-        scenes = tuple(recorded_scenes(scene, motions, units=units, baseline=baseline))
-    elif motions:
-        raise ValueError(checks.refusal("motions", motions, "nothing beside several scenes, which have their own"))
+        reading: dict[str, Any] = {"units": units, "baseline": baseline, "ground": ground, "building": building}
+        scenes = tuple(recorded_scenes(scene, motions, **reading))
+    elif motions or ground or building is not None:
+        raise ValueError(
+            checks.refusal(
+                "motions", motions or ground or building, "nothing beside several scenes, which have their own"
+            )
+        )
     else:
         scenes = checked_scenes("scene", scene)
     highest = None if highest is None else checks.number("highest", highest, above=0.0)
     if measure != "scale":
-        measure_of(measure)
+        measure = measure_of(measure).name
     lasting: dict[str, Any] = {} if cycles is None else {"cycles": int(cycles)}
     lasting |= {} if times is None else {"times": np.asarray(times, float).tolist()}
     for number, shaken in enumerate(scenes):

@@ -19,7 +19,15 @@ from fpk_rocking.results.storage import plain
 from fpk_rocking.results.trust import CAUTION, UNASKED, UNUSABLE, Diagnostic
 from fpk_rocking.risk.critical import CriticalIntensities, critical_of
 from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal, limits_text, outcomes_text
-from fpk_rocking.risk.motions import Intensities, measure_of, measured, motion_names, motion_table
+from fpk_rocking.risk.motions import (
+    Intensities,
+    floor_diagnostics,
+    intensity_of,
+    measure_of,
+    measured,
+    motion_names,
+    motion_table,
+)
 from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.search import FARTHEST, MotionOutcomes, overturns, search
 from fpk_rocking.risk.search import kernels_of as kernels_of_paths
@@ -153,7 +161,9 @@ class Fragility(Result):
 
     @property
     def measure(self) -> str:
-        """What the scale is: "PGV" in m/s or "PGA" in g where that is 1 for all scenes at scale 1, else "scale"."""
+        """What the scale is: as stated, or "PGV" or "PGA" where that is 1 for all scenes at scale 1, or "scale"."""
+        if "measure" in self.options:
+            return self.options["measure"]
         for name in ("PGV", "PGA"):
             peaks = [getattr(motion, measure_of(name).field) / measure_of(name).si for motion in self.intensities]
             if np.allclose(peaks, 1.0, rtol=1e-9):
@@ -236,7 +246,8 @@ class Fragility(Result):
 
     def scene_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic` on scenes, noise and engine, each kind once."""
-        return self._unanswered() + self._noise() + (path_diagnostics(self.engine) if self.deterministic.any() else [])
+        own = self._unanswered() + self._noise() + floor_diagnostics(self.scenes, self.measure)
+        return own + (path_diagnostics(self.engine) if self.deterministic.any() else [])
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic` beside sampling errors, each kind once: `scene_diagnostics`, fits, falls."""
@@ -427,6 +438,7 @@ def fragility(
     scale: ArrayLike,
     cycles: int | None = None,
     times: ArrayLike | None = None,
+    measure: str | None = None,
     engine: str | None = None,
     levels: ArrayLike = (),
     over: Mapping[str, ArrayLike] | None = None,
@@ -460,6 +472,9 @@ def fragility(
     times : sequence of float, optional
         For a pulse or a record: ascending nondimensional times; overturning counts until the last one. By default it
         counts until 10 units of time after the end of each motion.
+    measure : str, optional
+        What the scale is, as of `at_intensity`, for scenes that have the intensity 1 in it, all; by default "PGV" or
+        "PGA" where they have.
     engine : {"exact", "rk4", "white", "filtered", "density"}, optional
         A method of `montecarlo.simulate`, or "density" for `fpk_rocking.solve_fpk`. "white" and "filtered" replace band
         noise. By default the Monte Carlo method that fits the noise.
@@ -509,6 +524,11 @@ def fragility(
         raise ValueError(checks.refusal("scale", scale, "numbers that differ from each other"))
     levels = () if isinstance(levels, tuple | list) and not levels else checks.several("levels", levels, most=10_000)
     _check_levels(levels, scenes)
+    stated = {} if measure is None else {"measure": measure_of(measure).name}
+    for scene_at_one in scenes if stated else ():
+        if not math.isclose(own := intensity_of(scene_at_one, stated["measure"]), 1.0, rel_tol=1e-6):
+            accepted = "1 of all scenes, as of `at_intensity` (of blocks that are drawn not for PGV*)"
+            raise ValueError(checks.refusal("measure", f"{measure} {own:.4g} at scale 1", accepted))
     seed = checks.count("seed", seed, at_least=0)
     engine, shaken = _engine(engine, scenes)
     for scene_at_one in shaken:
@@ -556,7 +576,7 @@ def fragility(
         engine=engine,
         realizations=realizations,
         noise_scaled=bool(scale_noise),
-        options=options | {"seed": seed},
+        options=options | {"seed": seed} | stated,
         noise_replacement=replaced * bool(noise),
         reasons={
             ",".join(map(str, place)): rows[number]["reason"]

@@ -19,6 +19,8 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.results.storage import write_text
 from fpk_rocking.results.trust import Trust
+from fpk_rocking.risk.floors import FloorMotion
+from fpk_rocking.risk.motions import FLOOR, measure_of
 from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, rate_text
 
@@ -35,6 +37,17 @@ _DIRECTIONAL = (
     "Demand-Directional is 1: the demand is that in the plane of the block, as it is. A demand without a direction (0, "
     "as of FEMA's items) pelicun takes as 1.2 times the larger of two."
 )
+
+_OF_GROUND = " The block stands on an upper floor, but the demand is that of the ground: give the component location 0."
+_OF_FLOOR = " pelicun takes the floor below the location: a component that stands on floor 3 has location 4."
+
+_DEMANDS = {
+    "PGA": "Peak Ground Acceleration",
+    "PGV": "Peak Ground Velocity",
+    "PFA": "Peak Floor Acceleration",
+    "PFV": "Peak Floor Velocity",
+}
+"""Demands of pelicun by measure; Sa(T) is "Spectral Acceleration|T"."""
 
 _CROSSING = 0.01
 """Difference up to which a severer limit state may be likelier than a milder one: fits cross in their tails."""
@@ -60,7 +73,7 @@ def to_nrml(
     path : str or pathlib.Path
         File to write.
     curves : sequence of IntensityCurve
-        Of one measure, the mildest limit state first.
+        Of one measure, PGA, PGV or Sa(T), the mildest limit state first.
     name : str
         Identifier of the function, which an exposure model refers to: letters, digits, ``_`` and ``-``.
     description : str
@@ -71,9 +84,9 @@ def to_nrml(
     Raises
     ------
     ValueError
-        There is no curve, their measures or intensities differ, the name is not accepted, or a severer limit state is
-        likelier than the one before it by more than .01 at some intensity: OpenQuake would count negative shares. Up to
-        that the description says so.
+        There is no curve, their measures or intensities differ or are none of OpenQuake's, the name is not accepted, or
+        a severer limit state is likelier than the one before it by more than .01 at some intensity: OpenQuake would
+        count negative shares. Up to that the description says so.
 
     Examples
     --------
@@ -87,7 +100,10 @@ def to_nrml(
     """
     curves = _same(curves)
     check_name(name)
-    measure, factor = curves[0].measure, 100.0 if curves[0].measure == "PGV" else 1.0  # OpenQuake takes PGV in cm/s
+    if refused := not_for_openquake(curves[0]):
+        raise ValueError(refused)
+    measure = curves[0].measure.replace("Sa", "SA")
+    factor = 100.0 if measure == "PGV" else 1.0  # OpenQuake takes PGV in cm/s
     states = [_identifier(curve.name) for curve in curves]
     root = ET.Element("nrml", xmlns="http://openquake.org/xmlns/nrml/0.5")
     model = ET.SubElement(root, "fragilityModel", assetCategory="contents", id=name, lossCategory="contents")
@@ -175,7 +191,7 @@ def write_pelicun(path: File, items: Mapping[str, tuple[IntensityCurve, str, Tru
         verdict = trust or curve.trust
         lines.append(f"{name},0,{_pelicun_law(curve)},,{verdict.verdict}")
         about[name] = {
-            "Description": f"{_described(curve, description, verdict)} {_DIRECTIONAL}",
+            "Description": f"{_described(curve, description, verdict)} {_DIRECTIONAL}{_where(curve)}",
             "Verdict": verdict.plain,
             "LimitStates": {"LS1": {"DS1": {"Description": curve.name}}},
         }
@@ -186,13 +202,33 @@ def write_pelicun(path: File, items: Mapping[str, tuple[IntensityCurve, str, Tru
 
 def _pelicun_law(curve):
     """Return the cells of a row of pelicun's table from the demand to the parameters of the law, as a text."""
-    demand, unit = {"PGA": ("Peak Ground Acceleration", "g"), "PGV": ("Peak Ground Velocity", "mps")}[curve.measure]
+    demand, unit = _demand(curve.measure), "mps" if curve.unit == "m/s" else "g"
     if curve.fitted:
         law = f"lognormal,{curve.fit.median!r},{curve.fit.dispersion!r}"
     else:
         points = "|".join(",".join(map(repr, values.tolist())) for values in _distribution(curve))
         law = f'multilinear_CDF,"{points}",'
     return f"{demand},{unit},0,1,{law}"
+
+
+def _demand(measure):
+    """Return pelicun's name of the demand of a measure; empty where it has none."""
+    period = measure_of(measure).period if measure != "scale" else math.nan
+    return f"Spectral Acceleration|{period!r}" if period > 0.0 else _DEMANDS.get(measure, "")
+
+
+def _where(curve):
+    """Return at which location pelicun has to take the demand of a curve, as a sentence; empty for the usual one."""
+    if curve.measure in FLOOR:
+        return _OF_FLOOR
+    return _OF_GROUND * any(isinstance(scene.forcing, FloorMotion) for scene in curve.scenes)
+
+
+def not_for_openquake(curve: IntensityCurve) -> str:
+    """Return why OpenQuake has no hazard for a curve, as a text; empty where it has."""
+    accepted = "PGA, PGV or Sa(T), of which OpenQuake has hazards"
+    known = curve.measure in ("PGA", "PGV") or curve.measure.startswith("Sa(")
+    return "" if known else checks.refusal("measure", curve.measure, accepted)
 
 
 def _described(curve, description, trust):
@@ -273,6 +309,8 @@ def _distribution(curve):
 
 def not_for_pelicun(curve: IntensityCurve) -> str:
     """Return why pelicun could not take a curve, as a text."""
+    if not _demand(curve.measure):
+        return checks.refusal("measure", curve.measure, f"{', '.join(_DEMANDS)} or Sa(T), which pelicun has")
     if curve.fitted or curve.probability[-1] == 1.0:
         return ""
     accepted = "1, which pelicun asks of a curve without a lognormal fit: give higher intensities"

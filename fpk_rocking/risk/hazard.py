@@ -15,7 +15,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Number
 from fpk_rocking.risk.hazard_files import read
-from fpk_rocking.risk.motions import MEASURES
+from fpk_rocking.risk.motions import measure_of
 from fpk_rocking.risk.population import IntensityCurve
 
 _LAST = "a rate that falls to the last point, as the last power law goes on; or 0 there"
@@ -40,7 +40,7 @@ class Hazard:
     source : str
         Where it is from, such as the name of a file.
     measure : str
-        "PGA" (in g) or "PGV" (in m/s), and no curve of the other one is taken; empty where it is not known.
+        As for `at_intensity`, and no curve of another one is taken; empty where it is not known.
     note : str
         How a file was read, a sentence.
 
@@ -78,8 +78,7 @@ class Hazard:
             raise ValueError(
                 checks.refusal("hazard.rate", f"{self.rate.size} rates", f"{self.intensity.size}, one each")
             )
-        if self.measure not in ("", *MEASURES):
-            raise ValueError(checks.refusal("hazard.measure", self.measure, f"{', '.join(MEASURES)}, or empty"))
+        object.__setattr__(self, "measure", self.measure and measure_of(self.measure, "hazard.measure").name)
         steps = np.diff(self.intensity), -np.diff(self.rate)
         if (steps[1] < 0.0).all():
             accepted = "rates, which fall; return periods rise: a rate is 1/period"
@@ -147,14 +146,14 @@ class Hazard:
             raise ValueError(f"{path}: {error}") from None
 
     def check_measure(self, measure: str) -> None:
-        """Raise ValueError where this is the hazard of another measure than "PGA" or "PGV" that a curve is over.
+        """Raise ValueError where this is the hazard of another measure than that a curve is over.
 
         Parameters
         ----------
         measure : str
             That of the curve.
         """
-        if self.measure and measure != self.measure:
+        if self.measure not in ("", measure):
             accepted = f"{measure}, which the curve is over; measure={self.measure!r} (--measure) changes that"
             raise ValueError(checks.refusal("measure of the hazard", self.measure, accepted))
 

@@ -9,12 +9,19 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing.readers import columns, fields, terms
 from fpk_rocking.physics.forcing.readers.components import ReadingError
+from fpk_rocking.risk.motions import SPECTRAL, measure_of
 
 UNITS = {
     "PGV": {"m/s": 1.0, "cm/s": 0.01, "mm/s": 0.001},
     "PGA": {unit.replace("2", "²"): terms.UNITS[unit] / terms.UNITS["g"] for unit in ("g", "m/s2", "cm/s2", "%g")},
 }
 """Units in which files give an intensity, in that of its curve, which is the first."""
+
+
+def units_of(measure: str) -> dict[str, float]:
+    """Return the units in which files give a measure, of the kind of PGV or of PGA, as in `UNITS`."""
+    return UNITS["PGV" if measure in ("PGV", "PFV") else "PGA"]
+
 
 _EXAMPLES = "'PGA (g),annual rate', 'PGV (cm/s),return period (years)' or 'PGA (g),probability in 50 years'"
 
@@ -26,12 +33,14 @@ _QUANTITIES = {
 """What a second column is, by patterns of its name, the first that is found."""
 
 _INTENSITY = re.compile(
-    r"(?<![a-z])(?:(?P<PGA>pga|a_?g)|(?P<PGV>pgv)|im|iml|intensity)(?![a-z])|"
+    r"(?<![a-z])(?:(?P<PGA>pga|a_?g)|(?P<PGV>pgv)|(?P<PFA>pfa)|(?P<PFV>pfv)|im|iml|intensity)(?![a-z*])|"
     r"(?:peak )?(?:ground )?(?:(?P<acceleration>acceleration)|velocity)"
 )
 """What the name of an intensity begins with."""
 
-_SPECTRAL = r"spectral|(?<![a-z])s[av](?![a-z])"
+_SPECTRAL = r"spectral|(?<![a-z])p?s[av](?![a-z])"
+
+_SA = re.compile(rf"(?<![a-z]){SPECTRAL}")
 
 _UNIT = r"[(\[,_ ]\s*(?:in )?([a-z%][a-z0-9/^*²% .]*?)\s*[)\]]?$"
 
@@ -75,9 +84,10 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
     named = [names for names in named if names]
     if not named:
         _ask(values[:, 1], comments.lower())
-        found = {measure for measure in UNITS if re.search(rf"\b{measure}\b", comments, re.IGNORECASE)}
+        found = {name.upper() for name in re.findall(r"\bp[gf][av]\b", comments.lower())}
+        found |= {measure_of(match[0]).name for match in _SA.finditer(comments.lower())}
         measure = found.pop() if len(found) == 1 else ""
-        unit = next(iter(UNITS[measure])) if measure else "the unit of the curve"
+        unit = next(iter(units_of(measure))) if measure else "the unit of the curve"
         note = f"Its file names no columns: they were read as {measure or 'an intensity'} in {unit}, and annual rates."
         return *values.T, measure, note
     first, quantity, years, factor, measure, unit = named[-1]
@@ -87,18 +97,18 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
     kept = ~np.isinf(rates)
     intensity, rates = intensity[order][kept], rates[kept]
     often = intensity[rates >= _MAPPED]
-    if measure and not unit and often.size and often[-1] > _STRONGEST[measure]:
-        accepted = ", ".join(f"'{measure} ({unit})'" for unit in UNITS[measure])
+    if measure and not unit and often.size and often[-1] > _STRONGEST.get(measure, 5.0):
+        accepted = ", ".join(f"'{measure} ({unit})'" for unit in units_of(measure))
         got = f"{measure} in no unit, up to {often[-1]:g} at {_MAPPED:g} a year"
         raise ReadingError(got, f"its unit in the name of the column, {accepted}")
-    own = next(iter(UNITS.get(measure, ["the unit of the curve"])))
+    own = next(iter(units_of(measure))) if measure else "the unit of the curve"
     note = f"Its file gives {measure or 'an intensity'} in {unit or f'no unit, read in {own},'} and {quantity}"
     note += f" in {years:g} year{'s' * (years != 1.0)}" * (quantity == "probabilities")
     # Curves of probabilities end at exactly 1, which no rate does twice.
     several = (rates == 1.0).sum() > 1 or re.search(r"investigation_time|\b(?!1\b)\d+[ -]*(?:years|yrs?)\b", comments)
     asked = quantity == "annual rates" and rates.max() <= 1.0 and several
     note += f"{left}." + " Are they not probabilities in several years?" * bool(asked)
-    return (UNITS[measure][unit] if unit else 1.0) * intensity, rates, measure, note
+    return (units_of(measure)[unit] if unit else 1.0) * intensity, rates, measure, note
 
 
 def _named(line, comments):
@@ -106,7 +116,7 @@ def _named(line, comments):
     names = columns.split_names(line.lower(), 2)
     found = []
     for name, other in (names, names[::-1]) if len(names) == 2 else ():
-        match = None if re.search(_SPECTRAL, name) else _INTENSITY.search(name)
+        match = (_SA if re.search(_SPECTRAL, name) else _INTENSITY).search(name)
         quantity = next((kind for kind, form in _QUANTITIES.items() if re.search(form, other)), "")
         if match and quantity:
             found.append((name == names[0], match, name[match.end() :], other, quantity))
@@ -126,11 +136,12 @@ def _measured(match, rest):
     measure = {"acceleration": "PGA", None: "PGV" if "velocity" in match[0] else ""}.get(
         match.lastgroup, match.lastgroup
     )
+    measure = measure_of(match[0]).name if match.re is _SA else measure
     said = re.search(_UNIT, rest)
     if not said:
         return measure, ""
     unit = terms.measured(said[1])[1].replace("2", "²")
-    units = {unit: kind for kind in UNITS if measure in ("", kind) for unit in UNITS[kind]}
+    units = {unit: kind for kind in ([measure] if measure else UNITS) for unit in units_of(kind)}
     if unit not in units:
         raise ValueError(checks.refusal("unit of the intensity", said[1], ", ".join(units)))
     return units[unit], unit
@@ -174,8 +185,8 @@ def _of_openquake(comments, lines, site):
     """Return what `read` does of OpenQuake's hazard curves: a line of names, and one for each site."""
     says = dict(re.findall(r"""(\w+)\s*=\s*['"]?([^,'"]+)""", comments))
     measure, years, kind = (says.get(key, "nothing") for key in ("imt", "investigation_time", "kind"))
-    if measure not in UNITS or years == "nothing" or kind == "std":
-        accepted = "imt='PGA' or 'PGV' and investigation_time in the comment, and any kind but the deviation 'std'"
+    if not (measure in UNITS or _SA.fullmatch(measure.lower())) or years == "nothing" or kind == "std":
+        accepted = "imt='PGA', 'PGV' or 'SA(T)' and investigation_time in the comment, any kind but the deviation 'std'"
         got = f"imt={measure}, investigation_time={years}, kind={kind}"
         raise ValueError(checks.refusal("hazard curves of OpenQuake", got, accepted))
     table = [[entry.strip() for entry in row] for row in csv.reader(lines)]
@@ -187,9 +198,9 @@ def _of_openquake(comments, lines, site):
     levels = {name: value for name, value in sites[chosen].items() if name.startswith("poe-")}
     rates, left = _rates("probabilities", np.array(list(levels.values()), float), float(years))
     kept, unit = ~np.isinf(rates), "cm/s" if measure == "PGV" else "g"
-    intensity = UNITS[measure][unit] * np.array([float(name.removeprefix("poe-")) for name in levels])
+    intensity = units_of(measure)[unit] * np.array([float(name.removeprefix("poe-")) for name in levels])
     note = f"It is OpenQuake's {measure} at {places[chosen]}, from probabilities in {float(years):g} years{left}."
-    return intensity[kept], rates[kept], measure, note
+    return intensity[kept], rates[kept], measure_of(measure).name, note
 
 
 def _site(places, site):

@@ -11,6 +11,7 @@ from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.noise.envelope import Envelope, Trapezoid
 from fpk_rocking.physics.noise.filters import FILTERS
+from fpk_rocking.risk.spectra import oscillator
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.studies.scenes import varied
@@ -255,7 +256,8 @@ def synthetic_records(
         rng = np.random.default_rng([seed, number])
         own = 2.0 * math.pi * frequency * math.exp(spread * rng.standard_normal())
         soil = rms * _filtered_noise(FILTERS["kanai-tajimi"].space(own, damping), interval, strength, rng)
-        samples = _high_passed(soil, interval, low, low_damping)
+        # y'' of y'' + 2 ζ ω y' + ω² y = u
+        samples = oscillator([1.0, 0.0, 0.0], soil, interval, low, low_damping)
         source = f"synthetic motion {number + 1} of seed {seed}, {own / (2.0 * math.pi):.3g} Hz"
         records.append(Record(interval, tuple(samples.tolist()), "m/s2", source=source))
     return tuple(records)
@@ -277,12 +279,3 @@ def _filtered_noise(space, interval, strength, rng):
         states = move @ states + kick
         samples[k + 1] = space.output @ states
     return samples
-
-
-def _high_passed(samples, interval, frequency, damping):
-    """Return samples (n,) of y'', where y'' + 2 ζ ω y' + ω² y = u, for `samples` (n,) of u, linear between them."""
-    from scipy import signal
-
-    system = [1.0, 0.0, 0.0], [1.0, 2.0 * damping * frequency, frequency**2]
-    upper, lower, _ = signal.cont2discrete(system, interval, method="foh")
-    return signal.lfilter(np.ravel(upper), lower, samples)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -15,13 +16,16 @@ from fpk_rocking.physics.forcing.readers.components import Component
 from fpk_rocking.physics.forcing.readers.terms import unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
+from fpk_rocking.results.trust import CAUTION, Diagnostic
+from fpk_rocking.risk.floors import Building, FloorMotion, ground_of
+from fpk_rocking.risk.spectra import PERIODS, narrowness, response_spectrum
 from fpk_rocking.scene.scene import Scene, under_motion
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.scenes import scaled
 
 
 class Intensities(NamedTuple):
-    """Intensity measures of the forcing of a scene, without its noise.
+    """Intensity measures of the forcing of a scene, without its noise; of a `FloorMotion` those of the ground.
 
     Parameters
     ----------
@@ -90,7 +94,12 @@ def intensities(scene: Scene) -> Intensities:
 
 def measured(scene: Scene) -> Intensities:
     """Return the named tuple `Intensities` of a scene's forcing without a warning, for results that have a verdict."""
-    forcing, size = scene.forcing, scene.block.size
+    size = scene.block.size
+    return _peaks(size, ground_of(scene.forcing).for_size(size))
+
+
+def _peaks(size, forcing):
+    """`Intensities` of a forcing for the size of a block."""
     acceleration, velocity = forcing.largest, forcing.largest_velocity
     if size is None:
         return Intensities(acceleration, velocity, math.nan, math.nan, velocity)
@@ -101,32 +110,58 @@ def measured(scene: Scene) -> Intensities:
 
 
 class Measure(NamedTuple):
-    """An intensity of the ground motion: its name in `Intensities`, its unit, and that in SI."""
+    """An intensity of the motion: its name, that in `Intensities`, its unit, that in SI, and the T of Sa(T), s."""
 
+    name: str
     field: str
     unit: str
     si: float
+    period: float = math.nan
 
 
-MEASURES = {"PGA": Measure("pga", "g", STANDARD_GRAVITY), "PGV": Measure("pgv", "m/s", 1.0)}
-"""Intensities that a curve may be for: peak ground acceleration in g, peak ground velocity in m/s."""
+MEASURES = {
+    "PGA": Measure("PGA", "pga", "g", STANDARD_GRAVITY),
+    "PGV": Measure("PGV", "pgv", "m/s", 1.0),
+    "PFA": Measure("PFA", "pga", "g", STANDARD_GRAVITY),
+    "PFV": Measure("PFV", "pgv", "m/s", 1.0),
+    "PGV*": Measure("PGV*", "relative_velocity", "", 1.0),
+}
+"""Intensities that a curve may be for beside Sa(T): peaks of the ground and of the floor, p PGV/(g tan θ_cr)."""
+
+SPECTRAL = r"p?sa ?\((?:t ?= ?)?(\d+\.?\d*|\.\d+) ?s?\)"
+"""Regular expression of Sa(T) in small letters, with T in seconds."""
+
+FLOOR = "PFA", "PFV"
+"""Those of the motion that the block sees, on whatever floor; all others are of the ground."""
 
 
-def measure_of(name: str) -> Measure:
-    """Return the named tuple `Measure` (field, unit, factor to SI) of "PGA" or "PGV"; ValueError for another name."""
+def measure_of(name: str, what: str = "measure") -> Measure:
+    """Return the `Measure` of a name, as "PGA" or "Sa(1.0)", OpenQuake's "SA(1.0)" too; ValueError for another one."""
+    spectral = re.fullmatch(SPECTRAL, str(name).strip().lower())
+    if spectral and PERIODS[0] <= float(spectral[1]) <= PERIODS[1]:
+        return Measure(f"Sa({float(spectral[1])!r})", "", "g", STANDARD_GRAVITY, float(spectral[1]))
     if name not in MEASURES:
-        raise ValueError(checks.refusal("measure", name, ", ".join(map(repr, MEASURES))))
+        periods = "{:g} to {:g}".format(*PERIODS)
+        accepted = f"{', '.join(map(repr, MEASURES))}, or 'Sa(T)' with a period of {periods} s"
+        raise ValueError(checks.refusal(what, name, accepted))
     return MEASURES[name]
 
 
 def intensity_of(scene: Scene, measure: str) -> float:
-    """Return the peak ground acceleration, in g, or velocity, in m/s, of a scene's forcing."""
+    """Return an intensity of a scene's forcing, in the unit of the `measure`: of the ground, or for `FLOOR` its own."""
     chosen = measure_of(measure)
-    peak = getattr(measured(checks.instance("scene", scene, Scene)), chosen.field) / chosen.si
+    forcing = checks.instance("scene", scene, Scene).forcing
+    motion = (forcing if chosen.name in FLOOR else ground_of(forcing)).for_size(scene.block.size)
+    if chosen.field:
+        peak = getattr(_peaks(scene.block.size, motion), chosen.field) / chosen.si
+    elif isinstance(motion, Record):
+        peak = response_spectrum(motion, [chosen.period])[0] / chosen.si
+    else:
+        raise ValueError(checks.refusal("measure", measure, "PGA or PGV of a motion that is no record"))
     if not peak > 0.0:
         why = "a scene of a block with dimensions and a forcing that is not 0"
         raise ValueError(checks.refusal("scene", scene, why))
-    return peak
+    return float(peak)
 
 
 def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
@@ -139,7 +174,9 @@ def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, nois
     scene : Scene
         Of a block with dimensions.
     measure : str
-        "PGA" (in g) or "PGV" (in m/s), of the forcing without the noise.
+        "PGA" (in g), "PGV" (in m/s), "Sa(1.0)" (5 % damped pseudo-acceleration at 1 s, in g) or "PGV*"
+        (p PGV/(g tan θ_cr)), of the forcing without the noise, on a floor of that of the ground; "PFA" (in g) or "PFV"
+        (in m/s), of what the block sees.
     value : float
         Intensity, in its unit, above 0.
     noise : bool
@@ -176,24 +213,32 @@ def recorded_scenes(
     component: str | int | None = None,
     baseline: str | None = None,
     corner_hz: float | None = None,
+    ground: Sequence[Record | File] = (),
+    building: Building | None = None,
 ) -> list[Scene]:
     """Return a scene under each of several motions, with the default number of harmonics for each where it has one."""
-    read = _read([motion for motion in records if not isinstance(motion, Forcing)], units, interval, component)
-    motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in records]
-    motions = motions or [scene.forcing]
+    given = *records, *ground
+    read = _read([motion for motion in given if not isinstance(motion, Forcing)], units, interval, component)
+    motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in given] or [scene.forcing]
+    if ground and (building is not None or len(ground) != len(records)):
+        accepted = f"{len(records)}, one for each of the records, and no building"
+        raise ValueError(checks.refusal("ground", f"{len(ground)} motions", accepted))
     asked: dict[str, Any] = {"baseline": baseline, "corner_hz": corner_hz}
     changes = {name: value for name, value in asked.items() if value is not None}
     if changes:
         if baseline is not None:
             check_baseline("baseline", baseline)
-        if not any(isinstance(motion, Record) for motion in motions):
+        if {type(motion) for motion in motions} & {Record, FloorMotion} != {Record}:
             name, value = next(iter(changes.items()))
             raise ValueError(checks.refusal(name, value, "nothing where there is no record"))
-        motions = [
-            dataclasses.replace(motion, **changes) if isinstance(motion, Record) else motion for motion in motions
-        ]
+        motions = [dataclasses.replace(motion, **changes) if type(motion) is Record else motion for motion in motions]
         if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
             raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
+    if ground:
+        pairs: Any = zip(motions[: len(records)], motions[len(records) :], strict=True)
+        motions = [FloorMotion.of(floor, below) for floor, below in pairs]
+    if building is not None:
+        motions = [checks.instance("building", building, Building).floor_motion(motion) for motion in motions]
     return [under_motion(scene, motion) for motion in motions]
 
 
@@ -220,10 +265,31 @@ def _read(files, units, interval, component):
     return read
 
 
+NARROW = 0.62
+"""`narrowness` above which a record looks like that of a floor: no far-field record of FEMA P-695 has more, 6 of 238
+motions of a shake table, and nine in ten of floors that were computed (docs/benchmarks/upper_floors.json)."""
+
+
+def floor_diagnostics(scenes: Sequence[Scene], measure: str) -> list[Diagnostic]:
+    """Return a list with a `Diagnostic` if half of the motions look like those of floors and count as of the ground."""
+    records = {id(scene.forcing.samples): scene.forcing for scene in scenes if type(scene.forcing) is Record}
+    narrow = sum(narrowness(record) > NARROW for record in records.values())
+    if measure in (*FLOOR, "scale") or not narrow or 2 * narrow < len(records):
+        return []
+    sentence = (
+        f"{narrow} of {len(records)} motions have one narrow peak in their spectrum, as on an upper floor (or on soft "
+        f"soil). A hazard is not of the {measure} of a floor: give the motions of its ground too (--ground), or take "
+        "motions of the ground and the building (--building)."
+    )
+    return [Diagnostic(CAUTION, sentence, "floor")]
+
+
 def motion_table(scenes: Sequence[Scene]) -> dict[str, Array]:
-    """Return columns by name, with a row for the motion of each scene at its own scale."""
+    """Return columns by name, with a row for the motion of each scene at its own scale; on floors with their PFA."""
     measures = [measured(scene).columns(1.0) for scene in scenes]
     columns = {name: np.array([row[name] for row in measures]) for name in ("pga_g", "pgv_m_per_s")}
+    if any(isinstance(scene.forcing, FloorMotion) for scene in scenes):
+        columns["pfa_g"] = np.array([intensity_of(scene, "PFA") for scene in scenes])
     return {"motion": np.array(motion_names(scenes))} | columns
 
 
@@ -234,6 +300,9 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
     for place, name in enumerate(table["motion"]):
         row = {column: values[place] for column, values in table.items()}
         peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
+        peaks["on the floor {:.3g} g"] = row.get("pfa_g", math.nan)
+        if measure not in ("PGA", "PGV", "PFA", "scale"):
+            peaks[f"{measure} {{:.3g}}{unit}"] = row.get("own_intensity", math.nan)
         texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]
         if "critical_scale" in row:
             turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"

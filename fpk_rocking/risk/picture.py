@@ -12,7 +12,7 @@ from fpk_rocking.base.checks import Array, File
 from fpk_rocking.output.tables import text_table, verdict_first
 from fpk_rocking.results import pictures
 from fpk_rocking.results.pictures import figure_of
-from fpk_rocking.risk.motions import motion_lines
+from fpk_rocking.risk.motions import measure_of, motion_lines
 from fpk_rocking.scene.axes import SETTLING
 
 NAMES = {
@@ -358,7 +358,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
 
 def _scale_name(result, name="scale"):
     """Return what the scale of a `Fragility` is called: a peak of the shaking with its unit, or else `name`."""
-    return {"PGA": "PGA, g", "PGV": "PGV, m/s"}.get(result.measure, name)
+    return name if result.measure == "scale" else ", ".join(filter(None, measure_of(result.measure)[:3:2]))
 
 
 def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tuple[str, ...]]:

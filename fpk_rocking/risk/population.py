@@ -39,7 +39,7 @@ class IntensityCurve(Result):
     name : str
         The limit state, "overturned" or an angle that is reached.
     measure : str
-        "PGA", "PGV", or "scale".
+        As for `at_intensity`, or "scale".
     intensity : ndarray, shape (n,)
         Intensities, ascending: in g, m/s, or nondimensional.
     probability : ndarray, shape (n,)
@@ -283,7 +283,7 @@ class IntensityCurve(Result):
             Of one scene, or of several that have the same intensity at each scale: see `at_intensity`. Scales at which
             an answer is missing are left out.
         measure : str
-            "PGA" (in g), "PGV" (in m/s), or "scale".
+            As for `at_intensity`, or "scale".
         which : int
             Index of the probability: 0 overturning, 1, 2, ... the levels.
         draws : Draws, optional
@@ -322,7 +322,8 @@ class IntensityCurve(Result):
         intensity, shares, rng = at_one[0] * fragility.scale[answered], shares[:, answered], np.random.default_rng(seed)
         trials = fragility.realizations
         common = {
-            "name": fragility.names[which], "measure": measure, "intensity": intensity, "scenes": fragility.scenes,
+            "name": fragility.names[which], "intensity": intensity, "scenes": fragility.scenes,
+            "measure": measure if measure == "scale" else measure_of(measure).name,
             "model": tuple(fragility.scene_diagnostics()),
         }  # fmt: skip
         origin = np.arange(len(shares)) if draws is None else np.array(draws.origin)

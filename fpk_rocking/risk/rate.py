@@ -35,7 +35,7 @@ from fpk_rocking.risk.hazard import (
     share_beyond,
     shares_of_rate,
 )
-from fpk_rocking.risk.hazard_files import UNITS
+from fpk_rocking.risk.hazard_files import units_of
 from fpk_rocking.risk.population import IntensityCurve
 
 
@@ -146,7 +146,7 @@ class Risk(Result):
         if self.hazard.measure and "no unit" not in self.hazard.note:
             return ""
         low, high = self.hazard.intensity[[0, -1]].tolist()
-        for unit, factor in UNITS[self.curve.measure].items():
+        for unit, factor in units_of(self.curve.measure).items():
             read = Hazard(self.hazard.intensity * factor, self.hazard.rate)
             # The strongest recorded motions have less than 5 g, the fastest some 3 m/s.
             if factor < 1.0 and high * factor <= 10.0 and self._beyond(read) <= 0.5:

@@ -15,7 +15,7 @@ from fpk_rocking.results import pictures
 from fpk_rocking.results.pictures import figure_of, picture_html
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.risk.anchor import lift_off_g
-from fpk_rocking.risk.motions import intensity_of, measured, motion_lines, motion_names
+from fpk_rocking.risk.motions import intensity_of, motion_lines, motion_names
 from fpk_rocking.risk.picture import draw_curve, logarithmic
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
@@ -242,7 +242,7 @@ def _motions(study):
     table, curve = study.table(), study.curve
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "pgv_as_recorded_m_per_s": "PGV as recorded, m/s"}
-    names |= {"overturn_s": "overturns, s", "overturn_side": "to the"}
+    names |= {"pfa_g": "PGA on the floor, g", "overturn_s": "overturns, s", "overturn_side": "to the"}
     names |= {
         "peak_rotation": "largest |θ| over the critical angle",
         "critical_scale": f"factor at critical {curve.measure}",
@@ -250,6 +250,8 @@ def _motions(study):
     unit = f"{curve.measure}, {curve.unit}"
     names |= {"critical_intensity": f"critical {unit}", "always_intensity": f"always from {unit}"}
     names["equivalent_intensity"] = f"equivalent {unit}"
+    if curve.measure not in ("PGA", "PGV"):
+        names["own_intensity"] = unit
     events = [getattr(scene.forcing, "event", "") for scene in study.recorded]
     named = [", ".join(filter(None, pair)) for pair in zip(table["motion"].tolist(), events, strict=True)]
     head = {"motion": np.array(named), "seconds": _digits(lasting)}
@@ -330,7 +332,7 @@ def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None
             times = np.linspace(0.0, span, 2000)
             force = np.array([motion.value(time) for time in times])
         axes.plot(size.seconds(times), 0.5 * force / motion.largest - place, color=pictures.COLOURS[0], linewidth=0.5)
-    peaks = [measured(scene).pga / STANDARD_GRAVITY for scene in motions]
+    peaks = [intensity_of(scene, "PFA") for scene in motions]
     names = [f"{_shortened(name)}\n{peak:.3g} g" for name, peak in zip(motion_names(motions), peaks, strict=True)]
     axes.set(xlabel="time, s", ylim=(0.4 - len(motions), 0.6))
     axes.set_yticks([-place for place in range(len(motions))], names, fontsize=7)

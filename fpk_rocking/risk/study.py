@@ -16,7 +16,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress, not_none
-from fpk_rocking.physics.forcing import Forcing
+from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.physics.noise.kinds import NoNoise
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Result
@@ -25,14 +25,24 @@ from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust
 from fpk_rocking.risk.anchor import hold, lift_off_g
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities, critical_text, factor_diagnostics
 from fpk_rocking.risk.curves import Fragility, fragility
-from fpk_rocking.risk.export import NAMES, check_name, levels_text, not_for_pelicun, rising, to_nrml, write_pelicun
+from fpk_rocking.risk.export import (
+    NAMES,
+    check_name,
+    levels_text,
+    not_for_openquake,
+    not_for_pelicun,
+    rising,
+    to_nrml,
+    write_pelicun,
+)
+from fpk_rocking.risk.floors import Building, FloorMotion
 from fpk_rocking.risk.hazard import Hazard
 from fpk_rocking.risk.inputs import Draws, drawn
-from fpk_rocking.risk.lognormal import ranked
 from fpk_rocking.risk.motions import (
+    FLOOR,
     at_intensity,
     intensity_of,
-    measured,
+    measure_of,
     motion_lines,
     motion_table,
     recorded_scenes,
@@ -195,20 +205,31 @@ class Study(Result):
         what = "events" if 1 < count < of else "motions"
         few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
         grouped = f"{of} motions are of {count} events; those of one event count as one motion." * (what == "events")
-        remarks = [self._at_most(), self.about_correction, grouped, few, self._standing()]
+        remarks = [self._floor(), self._at_most(), self.about_correction, grouped, few, self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
 
+    def _floor(self):
+        """Return what moves the block and what the intensities are of, for floors, a sentence; else an empty text."""
+        floors = [scene.forcing for scene in self.recorded if isinstance(scene.forcing, FloorMotion)]
+        if not floors:
+            return ""
+        building = floors[0].building
+        made = f"computed from those of the ground (one mode, {building})" if building else "recorded"
+        of = "its own" if self.curve.measure in FLOOR else "the ground's, and floor and ground are scaled together"
+        return f"The block stands on an upper floor, whose motions are {made}; intensities are {of}."
+
     def _at_most(self):
-        """Return what no rate over PGA can exceed, where the upper limit does: lognormal tails know no lift-off."""
+        """Return what no rate over the PGA below the block can exceed, where its limit does: tails know no lift-off."""
         scene = self.recorded[0]
         rests = scene.start.covariance is None and scene.start.angle == scene.start.velocity == 0.0
-        if self.risk is None or self.critical is None or self.curve.measure != "PGA" or not rests:
+        measure = "PFA" if isinstance(scene.forcing, FloorMotion) else "PGA"
+        if self.risk is None or self.critical is None or self.curve.measure != measure or not rests:
             return ""
         level = lift_off_g(scene.block)
         most = float(self.risk.hazard(level))
         if not self.risk.interval[1] > most:
             return ""
-        text = f"A PGA below {level:.3g} g does not lift the block off, and by the hazard one above it comes "
+        text = f"A {measure} below {level:.3g} g does not lift the block off, and by the hazard one above it comes "
         return f"{text}{rate_text(most)} times a year: the rate is at most that, whatever its upper limit."
 
     def _standing(self):
@@ -249,7 +270,7 @@ class Study(Result):
         block under it (`fpk_rocking.risk.anchor`), in units of its weight: of the block as passed, without noise.
         """
         curve, at = self.curve, [int(np.abs(self.curve.intensity - value).argmin()) for value in self.asked]
-        peak = max(measured(scene).pga for scene in self.motions) * curve.intensity[at]
+        peak = STANDARD_GRAVITY * max(intensity_of(scene, "PFA") for scene in self.motions) * curve.intensity[at]
         ties = np.array([hold(self.scene.block, value) for value in peak]).reshape(-1, 2)
         names = *curve.row_dims, "probability", "low", "high", "peak_g", "top", "edge"
         values = curve.intensity[at], curve.probability[at], *curve.point_limits[at].T, peak / STANDARD_GRAVITY, *ties.T
@@ -296,7 +317,7 @@ class Study(Result):
         return lines
 
     def text(self) -> str:
-        """Return rate, verdict, fit, remarks, and deviances by measure as lines of one text."""
+        """Return rate, verdict, fit, remarks, and rank correlations of measures as lines of one text."""
         curve, fit = self.curve, self.curve.fit
         lines = [
             self.risk.sentences[0] if self.risk else f"{self.title}. No annual rate, as there is no hazard (--hazard).",
@@ -335,16 +356,27 @@ class Study(Result):
         certain = "The table of the motions is of the block without its uncertain values. " * (self.draws is not None)
         return certain + critical_text(self.curve.measure)
 
+    @functools.cached_property
+    def rank_correlation(self) -> dict[str, float]:
+        """Spearman's rank correlation of intensity measures with `factors`, the best (-1) first; {} for few motions."""
+        from scipy import stats
+
+        forcings, factors = [scene.forcing for scene in self.recorded], self.factors
+        if len(forcings) < FEWEST_RECORDS or np.ptp(np.minimum(factors, 1e300)) == 0.0:
+            return {}
+        names = ["PGA", "PGV", "PFA", "PFV"][: 4 if any(isinstance(motion, FloorMotion) for motion in forcings) else 2]
+        names += ["Sa(0.3)", "Sa(1.0)", "Sa(3.0)"] * all(isinstance(motion, Record) for motion in forcings)
+        found = {
+            name: float(stats.spearmanr([intensity_of(scene, name) for scene in self.recorded], factors).statistic)
+            for name in dict.fromkeys([*names, self.curve.measure])
+        }
+        return dict(sorted(found.items(), key=lambda item: item[1]))
+
     def _ordered(self):
-        """Return the deviances of intensity measures as a sentence in a list, empty for one motion."""
-        rankings = ranked(self.fragility)
-        if self.curve.records == 1 or len(rankings) < 2:
-            return []
-        texts = (f"{ranking.measure} {ranking.deviance:.4g}" for ranking in rankings)
-        text = (
-            "Deviance (-2 ln of the likelihood) of a lognormal curve over each intensity measure, the lower the better"
-        )
-        return [f"{text}: {'; '.join(texts)}."]
+        """Return the rank correlations as a sentence in a list, empty for few motions."""
+        text = "Rank correlation with the factor at which a motion overturns the block (-1: it orders them all): "
+        ranks = "; ".join(f"{name} {value:.2f}" for name, value in self.rank_correlation.items())
+        return [f"{text}{ranks}."] * bool(ranks)
 
     @functools.cached_property
     def _columns(self):
@@ -369,7 +401,7 @@ class Study(Result):
         parts = {
             "risk": self.risk and self.risk.summary(),
             "curve": self.curve.summary(),
-            "ranking": [ranking._asdict() for ranking in ranked(self.fragility)],
+            "rank_correlation": self.rank_correlation,
             "draws": self.draws and {"origin": self.draws.origin, "values": self.draws.values},
             "motions": self.table(),
             "asked": self.at_asked,
@@ -390,6 +422,11 @@ class Study(Result):
         risk = self.risk
         panels += [] if risk is None else [lambda _, axes: draw_contributions(axes, risk)]
         return figure_of(*panels)
+
+    @property
+    def not_for_openquake(self) -> str:
+        """Why OpenQuake has no hazard for the curve, as a text; empty where it has."""
+        return not_for_openquake(self.curve)
 
     @property
     def not_for_pelicun(self) -> str:
@@ -447,12 +484,15 @@ class Study(Result):
         self.to_csv(out / "motions.csv")
         about = self._about_curve()
         levels = f"{about} {levels_text(self.risk)}" if self.risk and self.risk.exported_rate > 0.0 else about
-        to_nrml(out / f"{self.name}.xml", [self.curve], self.name, levels, self.trust)
+        unknown = self.not_for_openquake
+        if not unknown:
+            to_nrml(out / f"{self.name}.xml", [self.curve], self.name, levels, self.trust)
         refused = self.not_for_pelicun
         if not refused:
             write_pelicun(out / f"{self.name}.csv", self.for_pelicun())
-        exports = [f"{self.name}.{kind}" for kind in ("xml", *(() if refused else ("csv", "json")))]
-        files = {"pelicun": refused or f"{self.name}.csv", "exports": exports, "origin": self.origin(command)}
+        exports = [f"{self.name}.{kind}" for kind in (*["xml"] * (not unknown), *["csv", "json"] * (not refused))]
+        files: dict[str, Any] = {"openquake": unknown or f"{self.name}.xml", "pelicun": refused or f"{self.name}.csv"}
+        files |= {"exports": exports, "origin": self.origin(command)}
         write_json(out / "risk.json", self.summary() | files)
         write_text(out / "risk.txt", f"{self.text()}\n{self.origin(command)}\n")
         risk_figure(out / "risk.png", self)
@@ -466,6 +506,8 @@ def study(
     intensities: ArrayLike | None = None,
     *,
     measure: str = "PGV",
+    ground: Sequence[Record | File] = (),
+    building: Building | None = None,
     units: str | None = None,
     interval: float | None = None,
     component: str | int | None = None,
@@ -496,11 +538,16 @@ def study(
     hazard : Hazard, str or pathlib.Path, or None
         In the unit of the measure, or a file that `Hazard.from_csv` reads; with None there is no rate.
     intensities : array_like, optional
-        Points of the curve, in g or m/s; by default twelve, from half of the lowest at which a motion overturns the
-        block without noise to above the highest. With noise and a hazard others are added until they move the rate by
-        less than 1 %. Without noise rate and limits do not depend on them.
+        Points of the curve, in the unit of the measure; by default twelve, from half of the lowest at which a motion
+        overturns the block without noise to above the highest. With noise and a hazard others are added until they move
+        the rate by less than 1 %. Without noise rate and limits do not depend on them.
     measure : str
-        "PGV" (in m/s) or "PGA" (in g).
+        As for `fpk_rocking.risk.at_intensity`, that of the hazard.
+    ground : sequence of Record, str or pathlib.Path
+        Where the records are of an upper floor: the ground motion of each, in this order. It has the intensity, and is
+        scaled with that of the floor.
+    building : Building, optional
+        Where the records are of the ground and the block stands on a floor of this building.
     units, interval, component : optional
         Unit of the records, time between samples, seconds, and name or number of the component, where their files leave
         them open: see `Record.from_file`.
@@ -553,11 +600,13 @@ def study(
     checks.instance("scene", scene, Scene)
     check_name(name)
     mass = None if mass is None else checks.number("mass", mass, above=0.0)
+    measure = measure_of(measure).name
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
     if exceeded is not None:
         exceeded.check_measure(measure)
-    stated: dict[str, Any] = {"units": units, "interval": interval, "component": component}
-    scenes = recorded_scenes(scene, records, **stated, baseline=baseline, corner_hz=corner_hz)
+    reading: dict[str, Any] = {"units": units, "interval": interval, "component": component}
+    reading |= {"ground": ground, "building": building}
+    scenes = recorded_scenes(scene, records, **reading, baseline=baseline, corner_hz=corner_hz)
     events = _labels(events, scenes)
     blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)
     if uncertain and len(scenes) == 1 and blocks < FEWEST_RECORDS:
@@ -566,6 +615,7 @@ def study(
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
     options: dict[str, Any] = {"realizations": realizations, "scale_noise": scale_noise, "workers": workers}
+    options |= {"measure": measure}
     deterministic = all(shaken.deterministic for shaken in scenes)
     uncorrected_too = deterministic and draws is None and corrected(scenes)
     report = _RoundsReport(progress, 1 + uncorrected_too)
@@ -595,7 +645,7 @@ def study(
     curve, uncorrected = IntensityCurve.of(curves, measure, draws=draws, events=events), None
     curve = dataclasses.replace(curve, by_points=exceeded is not None and curves.motions is None)
     if uncorrected_too:
-        raw = recorded_scenes(scene, [shaken.forcing for shaken in scenes], baseline="none")
+        raw = recorded_scenes(scene, records, **reading, baseline="none")
         raw = [at_intensity(shaken, measure, noise=scale_noise) for shaken in raw]
         uncorrected = IntensityCurve.of(sample(curves.scale, -1, raw), measure, events=events, samples=1)
     return Study(

@@ -10,7 +10,7 @@ from fpk_rocking import Block, Dimensions, NoNoise, Scene, WhiteNoise
 from fpk_rocking.forcings import FORCINGS, Chirp, Forcing, Harmonic, Harmonics, Pulse, Record
 from fpk_rocking.physics.forcing.base import RANGES
 from fpk_rocking.physics.motion import TERMS
-from fpk_rocking.risk import intensities
+from fpk_rocking.risk import FloorMotion, intensities
 from fpk_rocking.scene import ranges
 from fpk_rocking.studies import resized, scaled
 from montecarlo import simulate
@@ -22,6 +22,7 @@ OF_KIND = {
     "pulse": Pulse("one-cosine", 2.3, 3.1),
     "chirp": Chirp(2.0, 1.5, 6.0, 7.0),
     "record": Record(0.04, np.sin(np.arange(50) * 0.7), "g", 0.5).for_size(SIZE),
+    "floor": FloorMotion.of(*[Record(0.04, np.sin(np.arange(50) * 0.7), "g", 0.5)] * 2).for_size(SIZE),
 }
 every = pytest.mark.parametrize("forcing", [OF_KIND.get(kind) for kind in FORCINGS], ids=list(FORCINGS))
 

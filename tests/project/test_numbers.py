@@ -81,6 +81,7 @@ ALLOWED = {
         **dict.fromkeys((".42", "1.5"), "factors of the estimate, in the code"),
         "2.1": "title of docs/benchmarks/convergence.png",
     },
+    "docs/howto/upper_floors.md": {"1.3": "first mode at the top of a building, usual"},
     "docs/howto/records.md": {".001": "bound of what is told, in the code"},
     "docs/howto/large_and_rare.md": {"1e-8": "reach of splitting, as docs/gallery/low_noise.json"},
     "docs/monte_carlo.md": {

@@ -31,7 +31,7 @@ from fpk_rocking.risk.lognormal import LognormalFit
 def test_what_is_no_hazard_is_refused_by_name(intensity, rate, said):
     with pytest.raises(ValueError, match=said):
         Hazard(intensity, rate)
-    with pytest.raises(ValueError, match=r"^hazard\.measure: got 'SA', accepted: PGA, PGV, or empty"):
+    with pytest.raises(ValueError, match=r"^hazard\.measure: got 'SA', accepted: 'PGA', 'PGV', .* or 'Sa\(T\)'"):
         Hazard([0.1, 0.2], [1e-2, 1e-3], measure="SA")
 
 

@@ -60,6 +60,12 @@ def test_hazards_are_read_from_two_columns(tmp_path, text):
         ("PGA", "PGA", 1.0),
         ("ag (g)", "PGA", 1.0),
         ("a_g [m/s2]", "PGA", G),
+        ("Sa(1.0) (g)", "Sa(1.0)", 1.0),
+        ("SA(0.20) [m/s2]", "Sa(0.2)", G),
+        ("PSA(T=1.5 s) (%g)", "Sa(1.5)", 100.0),
+        ("Sa (.75s)", "Sa(0.75)", 1.0),
+        ("PFA (m/s2)", "PFA", G),
+        ("PFV (cm/s)", "PFV", 100.0),
     ],
 )
 def test_the_first_line_says_measure_and_unit(tmp_path, names, measure, factor):
@@ -68,9 +74,9 @@ def test_the_first_line_says_measure_and_unit(tmp_path, names, measure, factor):
     assert hazard.measure == measure
     assert hazard.intensity == pytest.approx(LEVELS, rel=1e-9)
     assert hazard.rate == pytest.approx(LAW(LEVELS), rel=1e-12)
-    unit = {"PGA": "g", "PGV": "m/s"}[measure]
+    unit = {"PGV": "m/s", "PFV": "m/s"}.get(measure, "g")
     assert f"Its file gives {measure} in " in hazard.note
-    assert (f"no unit, read in {unit}," in hazard.note) == (names == "PGA")
+    assert (f"no unit, read in {unit}," in hazard.note) == (names in ("PGA", "Sa (.75s)"))
 
 
 @pytest.mark.parametrize(
@@ -103,6 +109,8 @@ def test_a_comment_may_name_the_columns_or_the_measure(tmp_path):
         "PGA",
         "Its file names no columns: they were read as PGA in g, and annual rates.",
     )
+    assert read(tmp_path, "# SA(2.0) at Pavia\n0.1,3e-3\n0.3,2e-4\n").measure == "Sa(2.0)"
+    assert read(tmp_path, "# PGA and SA(2.0)\n0.1,3e-3\n0.3,2e-4\n").measure == ""
     with pytest.raises(ValueError, match=r"got 0\.003, .*, while a comment speaks of return periods or prob.*accepted"):
         read(tmp_path, "# probabilities in 50 years\n0.1,3e-3\n0.3,2e-4\n")
     with pytest.raises(ValueError, match="unit of the intensity: got 'cm/s', accepted: g, "):
@@ -157,7 +165,10 @@ ASKED = r"accepted: a first line that names the columns, as 'PGA \(g\),annual ra
         ("spectral acceleration (g),rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'spectral .*', {NAMES}"),
         ("PGA (g),exceedance\n0.2,1e-3\n0.3,1e-4\n", f"got 'PGA .g.,exceedance', {NAMES}"),
         ("PGA rate,PGV rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'PGA rate,PGV rate', {NAMES}"),
-        ("SA(1.0),rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'SA.*', {NAMES}"),
+        ("SA,rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'SA.*', {NAMES}"),
+        ("Sv(1.0),rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'Sv.*', {NAMES}"),
+        ("PGV*,rate\n0.2,1e-3\n0.3,1e-4\n", f"got 'PGV.*', {NAMES}"),
+        ("SA(99),rate\n0.2,1e-3\n0.3,1e-4\n", r"measure: got 'sa\(99\)', accepted: .* a period of 0\.01 to 20 s"),
         ("PGA (cm/s),rate\n0.2,1e-3\n", r"unit of the intensity: got 'cm/s', accepted: g, m/s², cm/s², %g"),
         ("PGA (g),poe\n0.2,1e-1\n", "got 'PGA .g.,poe', accepted: its time too, as in 'probability in 50 y"),
         ("PGA (g),poe in 50 years\n0.2,10\n0.3,2\n", r"probability: got 10\.0, accepted: 0 to 1, or a name of the"),
@@ -219,12 +230,14 @@ def test_the_site_is_chosen_and_never_guessed(tmp_path):
     with pytest.raises(ValueError, match="site: got 1, accepted: none, as the file has one site"):
         read(tmp_path, "0.1,1e-2\n1,1e-4\n", site=1)
     for lost in ("imt='PGA'", "investigation_time=50.0, "):
-        with pytest.raises(ValueError, match=r"OpenQuake: got 'imt=.*nothing.*accepted: imt='PGA' or 'PGV' and invest"):
+        with pytest.raises(
+            ValueError, match=r"OpenQuake: got 'imt=.*nothing.*accepted: imt='PGA', 'PGV' or 'SA.T.' and invest"
+        ):
             read(tmp_path, curves("1,2").replace(lost, ""))
-    with pytest.raises(ValueError, match=r"kind=std', accepted: .*, and any kind but the deviation 'std'"):
+    with pytest.raises(ValueError, match=r"kind=std', accepted: .*, any kind but the deviation 'std'"):
         read(tmp_path, curves("1,2").replace("mean", "std"))
-    with pytest.raises(ValueError, match="got 'imt=SA"):
-        read(tmp_path, curves("1,2").replace("'PGA'", "'SA(1.0)'"))
+    with pytest.raises(ValueError, match="got 'imt=IA"):
+        read(tmp_path, curves("1,2").replace("'PGA'", "'IA'"))
     with pytest.raises(ValueError, match="got 1 lines below the names, accepted: sites with 8 columns each"):
         read(tmp_path, curves("1"))
 

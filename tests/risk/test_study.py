@@ -119,7 +119,7 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     # The rate is by the points; that of the lognormal fit is near.
     by_fit = 1e-3 * values["risk"]["median"] ** -2.5 * math.exp(0.5 * (2.5 * values["risk"]["dispersion"]) ** 2)
     assert values["risk"]["rate"] == pytest.approx(by_fit, rel=0.1)
-    assert {ranking["measure"] for ranking in values["ranking"]} == {"PGA, g", "PGV, m/s", "p PGV / (g tan θ_cr)"}
+    assert set(values["rank_correlation"]) == {"PGA", "PGV", "Sa(0.3)", "Sa(1.0)", "Sa(3.0)"}
     arguments[3] = "1e-3:-1"
     assert cli.main(arguments) == 2
     assert "--hazard: got '1e-3:-1', accepted: a file, or K0:K (exponent: got -1.0" in capsys.readouterr().err
