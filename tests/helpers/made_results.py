@@ -270,6 +270,7 @@ KINDS = {
     "probability": made_studies.probability,
     "risk": made_studies.risk,
     "study": made_studies.study,
+    "designs": made_studies.designs,
     "sweep": made_studies.sweep,
     "list": functools.partial(made_studies.sweep, gridded=False),
     "operator": operator,

@@ -1,5 +1,6 @@
 """Made results of studies: curves, surfaces, sweeps, probabilities, critical intensities, rates (see made_results)."""
 
+import dataclasses
 import itertools
 import math
 
@@ -8,7 +9,7 @@ from made_parts import CYCLES, MAIN, Made, wilson
 from scipy import stats
 
 from fpk_rocking import Scene
-from fpk_rocking.risk import CriticalIntensities, Fragility, Hazard, IntensityCurve, Risk, Study
+from fpk_rocking.risk import CriticalIntensities, Designs, Fragility, Hazard, IntensityCurve, Risk, Study
 from fpk_rocking.risk.lognormal import LognormalFit
 from fpk_rocking.studies import Sweep
 from fpk_rocking.studies.probability import Probability
@@ -222,3 +223,19 @@ def study():
     variables = {name: (("motion",), values) for name, values in suite.columns.items() if name != "motion"}
     variables |= {"probability_of_motion": (("motion", "PGV_m_per_s"), shares)} | curve.variables
     return Made(result, suite.columns, variables, {"motion": suite.places["motion"]} | curve.places)
+
+
+def designs():
+    """Two blocks under the motions of `study`, of which the second withstands 1.1 to 1.4 times as much."""
+    made, times = study(), np.random.default_rng(29).uniform(1.1, 1.4, 132)
+    suite = dataclasses.replace(made.result.critical, jumps=made.result.critical.jumps * times[:, None])
+    result = Designs((made.result, dataclasses.replace(made.result, name="wide", critical=suite)))
+    own = made.columns["equivalent_intensity"]
+    variables = {
+        "equivalent_rack": own,
+        "equivalent_wide": own * times,
+        "ratio_wide": np.where(np.isinf(own), np.nan, times),
+    }
+    columns = {"motion": made.columns["motion"]} | variables
+    arrays = {name: (("motion",), values) for name, values in variables.items()}
+    return Made(result, columns, arrays, {"motion": made.places["motion"]})
