@@ -102,11 +102,11 @@ def command_line() -> argparse.ArgumentParser:
     options = f"scenes --scales --pga --pgv {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
     files = "result.npz, summary.json, fragility.csv and fragility.png"
     options += " --uncertain --blocks --workers --store --records --units --interval --component --baseline --corner-hz"
-    options += " --ground --building --intensities --measure"
+    options += " --ground --building --intensities --measure --vertical"
     command("fragility", _fragility, does, "", options, files)
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scenes --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
-    options += " --azimuth --depth --events --ground --building"
+    options += " --vertical --azimuth --depth --events --ground --building"
     options += " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --mass --workers"
     options += " --store --name --seed --out --json"
     more = "Several scenes are several blocks under the same records, motion by motion."
@@ -285,6 +285,7 @@ def _risk(options):
                     "seed",
                     "workers",
                 ),
+                **passed(options, "vertical"),
                 **own,
             )
         studies.append(result)

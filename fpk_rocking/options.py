@@ -123,6 +123,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         or in/s2
 --interval S:float      time between samples, seconds, where the files do not say it
 --component NAME        component of files with several, by its name or its number from 1
+--vertical FILE+        files of the vertical motion beside each of the records, in the same order (the same files where
+                        they have both): it multiplies the weight, and is scaled with the record
 --baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
                         high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
 --corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
@@ -332,10 +334,10 @@ def shaken_scenes(options):
     scenes = [scene_of(options, path) for path in options.scenes]
     if options.records and len(scenes) > 1:
         raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
-    for name, value in passed(options, "units", "interval", "component", "ground", "building").items():
+    for name, value in passed(options, "units", "interval", "component", "ground", "building", "vertical").items():
         if not options.records:
             raise ValueError(f"--{name}: got {value!r}, accepted: together with --records")
-    corrections = passed(options, "units", "interval", "component", "baseline", "corner_hz", "ground")
+    corrections = passed(options, "units", "interval", "component", "baseline", "corner_hz", "ground", "vertical")
     corrections["building"] = building_of(options)
     if not options.records and corrections == {"building": None}:
         return scenes

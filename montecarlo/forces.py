@@ -127,7 +127,8 @@ def contact_forces(histories: Histories) -> ContactForces:
     body, sides = scene.block.body, forces.SidesOfContact()
     if body is not None:
         sides = forces.SidesOfContact(body.saddles, body.acceleration_scales, body.levers)
-    pair = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender, sides)
+    weight = scene.forcing.weight(histories.time)
+    pair = forces.contact_forces(histories.angle, histories.velocity, force, alpha, slender, sides, weight)
     return ContactForces(scene, histories.time, *pair)
 
 

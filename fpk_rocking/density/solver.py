@@ -33,6 +33,7 @@ from fpk_rocking.density.step.free_flight import FreeFlight
 from fpk_rocking.density.step.step import Characteristics
 from fpk_rocking.density.transient import TransientPropagator
 from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.physics.forcing import refuse_vertical
 from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import describe_replacement
@@ -290,6 +291,7 @@ def _refuse_unresolved(result):
 def refuse_unsolvable(scene: Scene) -> None:
     """Raise ValueError for a scene that the density solver cannot take."""
     ranges.check(scene)
+    refuse_vertical(scene.forcing, "densities")
     noise = scene.noise
     if noise.kind == "filtered":
         reason = "the density under filtered noise, which lifts a block off to both sides at one level of the force"

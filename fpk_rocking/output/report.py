@@ -20,8 +20,8 @@ __all__ = ["json_html", "left_out", "table_html", "write_page", "write_report"]
 _FRAMES = 121
 
 _LEFT_OUT = (
-    "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, vertical "
-    "motion of the base, motion in three dimensions, anchorage{centre}, flexible "
+    "The model is one rigid block that rocks in a plane on a rigid base{slender}. It leaves out sliding, a vertical "
+    "motion of the base that is not given, motion in three dimensions, anchorage{centre}, flexible "
     "bases and contents{scatter}. No error stated here contains these."
 )
 _FILM = (

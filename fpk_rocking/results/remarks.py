@@ -1,6 +1,7 @@
 """Sentences beside the numbers of every table, figure and file: which noise they are for, and what was assumed."""
 
 import dataclasses
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -173,6 +174,24 @@ def drifting(forcing: Forcing) -> list[Diagnostic]:
     return [Diagnostic(CAUTION, sentence, "drift")]
 
 
+def airborne(motions: Iterable[tuple[Forcing, float]]) -> list[Diagnostic]:
+    """Return a caution where motions, times a factor each, leave a block no weight; else an empty list."""
+    found = []
+    for forcing, factor in motions:
+        if isinstance(forcing, Record) and forcing.vertical is not None and math.isfinite(factor):
+            time = forcing.weightless(factor)
+            found += [(forcing, factor, time)] * math.isfinite(time)
+    if not found:
+        return []
+    forcing, factor, time = found[0]
+    sentence = (
+        f"The vertical motion of {forcing.source or 'the record'}, {factor:.3g} times as strong, takes all weight off "
+        f"the block at {time:.4g} s: it would leave the ground there, and this model holds its corner down."
+    )
+    others = f" ({len(found) - 1} of the other motions likewise.)" * (len(found) > 1)
+    return [Diagnostic(CAUTION, sentence + others, "airborne")]
+
+
 def scene_diagnostics(
     scene: Scene, noise_replacement: str, unresolved: str = "", scales: tuple[float, float] = (1.0, 1.0)
 ) -> list[Diagnostic]:
@@ -181,7 +200,7 @@ def scene_diagnostics(
     `noise_replacement` says which noise replaced that of the scene, if what this changes was not checked; `unresolved`
     what the result does not resolve; both may be empty. `scales` are the smallest and the largest scale of the shaking.
     """
-    diagnostics = _slender(scene.block) + drifting(scene.forcing)
+    diagnostics = _slender(scene.block) + drifting(scene.forcing) + airborne([(scene.forcing, scales[1])])
     implausibilities = implausible(scene, *scales)
     diagnostics += [Diagnostic(CAUTION, " ".join(implausibilities), "implausible")] * bool(implausibilities)
     diagnostics += [Diagnostic(CAUTION, unresolved, "unresolved")] * bool(unresolved)

@@ -569,13 +569,14 @@ def _follower(first, motion):
     latest: dict[Any, Any] = {}
 
     def overturns(scene):
-        size, block = scene.block.size, block_of_scene(scene)
+        size, block = scene.block.size, block_of_scene(dataclasses.replace(scene, forcing=first.forcing))
         factor = size.amplitude(1.0) / first.block.size.amplitude(1.0)
-        if factor * first.forcing.largest <= scene.block.lift_off:
+        if block.weight is None and factor * first.forcing.largest <= scene.block.lift_off:
             return False
         if size not in latest:
             latest.clear()
-            latest[size] = scaled_parameters(tables._replace(block=block), factor)
+            # Other angles are units of the force, and not of the weight.
+            latest[size] = scaled_parameters(tables._replace(block=block), factor, 1.0)
         (path,) = simulate_batches(run, parameters=latest[size]._replace(block=block))
         return bool(path.overturn_side[0])
 

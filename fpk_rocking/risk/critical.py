@@ -14,7 +14,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, File, Progress
 from fpk_rocking.physics.forcing import Forcing, Record
 from fpk_rocking.results.pictures import COLOURS, figure_of
-from fpk_rocking.results.remarks import EXACT_PATH, baseline_remark, scene_diagnostics
+from fpk_rocking.results.remarks import EXACT_PATH, airborne, baseline_remark, scene_diagnostics
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, Diagnostic
 from fpk_rocking.risk.floors import Building
@@ -170,8 +170,10 @@ class CriticalIntensities(Result):
             for scene, scales in pairs
             for diagnostic in scene_diagnostics(scene, "", scales=scales)
         }
+        top = np.where(np.isfinite(self.always), self.always, self.critical) / self.own
+        away = airborne(zip((scene.forcing for scene in self.scenes), top, strict=True))
         own = floor_diagnostics(self.scenes, self.measure) + factor_diagnostics(self.factor, self.always / self.own)
-        return [*of_scenes.values(), *own]
+        return [*of_scenes.values(), *away, *own]
 
     @property
     def reason_if_ok(self) -> str:
@@ -300,6 +302,7 @@ def critical_intensities(
     baseline: str | None = None,
     ground: Sequence[Record | File] = (),
     building: Building | None = None,
+    vertical: Sequence[Record | File] = (),
     cycles: int | None = None,
     times: ArrayLike | None = None,
     workers: int | Executor = 1,
@@ -323,7 +326,7 @@ def critical_intensities(
         factor of 2, and up to 1,000 times the acceleration of uplift.
     measure : str
         As for `fpk_rocking.risk.at_intensity`, or "scale" (the factor of the motion itself).
-    units, baseline, ground, building
+    units, baseline, ground, building, vertical
         Of records, as for `fpk_rocking.risk.study`.
     cycles, times
         As for `montecarlo.simulate`: overturning counts until the last of them.
@@ -353,11 +356,13 @@ def critical_intensities(
     started = time.perf_counter()
     if isinstance(scene, Scene):
         reading: dict[str, Any] = {"units": units, "baseline": baseline, "ground": ground, "building": building}
-        scenes = tuple(recorded_scenes(scene, motions, **reading))
-    elif motions or ground or building is not None:
+        scenes = tuple(recorded_scenes(scene, motions, **reading, vertical=vertical))
+    elif motions or ground or building is not None or vertical:
         raise ValueError(
             checks.refusal(
-                "motions", motions or ground or building, "nothing beside several scenes, which have their own"
+                "motions",
+                motions or ground or building or vertical,
+                "nothing beside several scenes, which have their own",
             )
         )
     else:

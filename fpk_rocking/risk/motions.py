@@ -215,11 +215,20 @@ def recorded_scenes(
     corner_hz: float | None = None,
     ground: Sequence[Record | File] = (),
     building: Building | None = None,
+    vertical: Sequence[Record | File] = (),
 ) -> list[Scene]:
     """Return a scene under each of several motions, with the default number of harmonics for each where it has one."""
+    if vertical and (building is not None or len(vertical) != len(records)):
+        accepted = f"{len(records)}, one for each record in the same order, and no building"
+        raise ValueError(checks.refusal("vertical", f"{len(vertical)} motions", accepted))
     given = *records, *ground
-    read = _read([motion for motion in given if not isinstance(motion, Forcing)], units, interval, component)
-    motions = [motion if isinstance(motion, Forcing) else read[str(motion)] for motion in given] or [scene.forcing]
+    files = [(motion, False) for motion in given] + [(motion, True) for motion in vertical]
+    read = _read([pair for pair in files if not isinstance(pair[0], Forcing)], units, interval, component)
+    motions = [motion if isinstance(motion, Forcing) else read[str(motion), False] for motion in given]
+    for place, motion in enumerate(vertical):
+        upward = motion if isinstance(motion, Forcing) else read[str(motion), True]
+        motions[place] = dataclasses.replace(checks.instance("records", motions[place], Record), vertical=upward)
+    motions = motions or [scene.forcing]
     if ground and (building is not None or len(ground) != len(records)):
         accepted = f"{len(records)}, one for each of the records, and no building"
         raise ValueError(checks.refusal("ground", f"{len(ground)} motions", accepted))
@@ -231,7 +240,7 @@ def recorded_scenes(
         if {type(motion) for motion in motions} & {Record, FloorMotion} != {Record}:
             name, value = next(iter(changes.items()))
             raise ValueError(checks.refusal(name, value, "nothing where there is no record"))
-        motions = [dataclasses.replace(motion, **changes) if type(motion) is Record else motion for motion in motions]
+        motions = [motion.corrected(**changes) if type(motion) is Record else motion for motion in motions]
         if corner_hz is not None and all(getattr(motion, "baseline", "") != "high-pass" for motion in motions):
             raise ValueError(checks.refusal("corner_hz", corner_hz, 'nothing without the baseline "high-pass"'))
     if ground:
@@ -243,12 +252,13 @@ def recorded_scenes(
 
 
 def _read(files, units, interval, component):
-    """Records of files, by name; ValueError lists all files that are refused."""
-    stated: dict[str, Any] = {"units": units, "interval": interval, "component": component}
+    """Records of files, by name and whether it is a vertical one; ValueError lists all files that are refused."""
+    stated: dict[str, Any] = {"units": units, "interval": interval, "where_unstated": True}
     read, refused = {}, []
-    for file in files:
+    for file, upright in files:
+        which = {"upright": True} if upright else {"component": component}
         try:
-            read[str(file)] = Record.from_file(file, **stated, where_unstated=True)
+            read[str(file), upright] = Record.from_file(file, **stated, **which)
         except (ValueError, OSError) as error:
             refused.append(error)
     if len(refused) > 1:
@@ -290,7 +300,17 @@ def motion_table(scenes: Sequence[Scene]) -> dict[str, Array]:
     columns = {name: np.array([row[name] for row in measures]) for name in ("pga_g", "pgv_m_per_s")}
     if any(isinstance(scene.forcing, FloorMotion) for scene in scenes):
         columns["pfa_g"] = np.array([intensity_of(scene, "PFA") for scene in scenes])
+    if any(scene.forcing.vertical is not None for scene in scenes):
+        columns["vertical"] = np.array([getattr(scene.forcing.vertical, "source", "") for scene in scenes])
+        columns["vertical_pga_g"] = np.array([_vertical_peak(scene) for scene in scenes])
     return {"motion": np.array(motion_names(scenes))} | columns
+
+
+def _vertical_peak(scene):
+    """Peak vertical acceleration of the base of a scene, g; 0 where it does not move vertically."""
+    if scene.forcing.vertical is None:
+        return 0.0
+    return np.abs(scene.forcing.swaying).max() * scene.block.size.gravity / STANDARD_GRAVITY
 
 
 def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = False) -> list[str]:
@@ -301,6 +321,7 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
         row = {column: values[place] for column, values in table.items()}
         peaks = {"PGA {:.3g} g": row["pga_g"], "PGV {:.3g} m/s": row["pgv_m_per_s"]}
         peaks["on the floor {:.3g} g"] = row.get("pfa_g", math.nan)
+        peaks["vertical PGA {:.3g} g"] = row.get("vertical_pga_g", math.nan)
         if measure not in ("PGA", "PGV", "PFA", "scale"):
             peaks[f"{measure} {{:.3g}}{unit}"] = row.get("own_intensity", math.nan)
         texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]

@@ -242,6 +242,7 @@ def _motions(study):
     table, curve = study.table(), study.curve
     lasting = [scene.block.size.seconds(scene.forcing.duration) for scene in study.recorded]
     names = {"pga_g": "PGA, g", "pgv_m_per_s": "PGV, m/s", "pgv_as_recorded_m_per_s": "PGV as recorded, m/s"}
+    names |= {"vertical": "vertical", "vertical_pga_g": "vertical PGA, g"}
     names |= {"pfa_g": "PGA on the floor, g", "overturn_s": "overturns, s", "overturn_side": "to the"}
     names |= {
         "peak_rotation": "largest |θ| over the critical angle",

@@ -68,8 +68,8 @@ def _until_settled(paths, scales, settled):
 
 def farthest_scale(scene: Scene) -> float:
     """Scale at which a search without an end of its own gives up."""
-    force = scene.forcing.largest
-    return FARTHEST * scene.block.lift_off / force if force else 1.0
+    lifting = scene.forcing.lifting(scene.block.lift_off)
+    return FARTHEST / lifting if lifting > 0.0 else 1.0
 
 
 def overturns(jumps: Array, scales: ArrayLike) -> Array:

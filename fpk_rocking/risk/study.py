@@ -218,10 +218,17 @@ class Study(Result):
         of = "its own" if self.curve.measure in FLOOR else "the ground's, and floor and ground are scaled together"
         return f"The block stands on an upper floor, whose motions are {made}; intensities are {of}."
 
+    @property
+    def _lifted(self):
+        """Whether the base moves vertically in any motion."""
+        return any(shaken.forcing.vertical is not None for shaken in self.recorded)
+
     def _at_most(self):
         """Return what no rate over the PGA below the block can exceed, where its limit does: tails know no lift-off."""
         scene = self.recorded[0]
         rests = scene.start.covariance is None and scene.start.angle == scene.start.velocity == 0.0
+        # What lifts the block off depends on each vertical motion.
+        rests = rests and not self._lifted
         measure = "PFA" if isinstance(scene.forcing, FloorMotion) else "PGA"
         if self.risk is None or self.critical is None or self.curve.measure != measure or not rests:
             return ""
@@ -302,7 +309,10 @@ class Study(Result):
             "Ties are rigid and without slack, their forces static, at the largest peak acceleration of the motions; a "
         )
         tied += "tie that gives way lets it move by more than the base."
-        return [text + "before it rocks; rocking needs somewhat more.", *[tied] * bool(self.asked.size)]
+
+        text += "before it rocks; rocking needs somewhat more."
+        text += " This, and forces of ties, are without the vertical motions." * self._lifted
+        return [text, *[tied] * bool(self.asked.size)]
 
     @property
     def block_lines(self) -> list[str]:
@@ -513,6 +523,7 @@ def study(
     component: str | int | None = None,
     baseline: str | None = None,
     corner_hz: float | None = None,
+    vertical: Sequence[Record | File] = (),
     realizations: int = 10_000,
     seed: int = 1,
     scale_noise: bool = True,
@@ -555,6 +566,8 @@ def study(
         Correction of the records' baselines, see `Record`; by default that of each `Record`, and none of files.
     corner_hz : float, optional
         Corner of the correction "high-pass", Hz.
+    vertical : sequence of Record, str or pathlib.Path, optional
+        The vertical motion of each of the records, in the same order: it multiplies the weight, and is scaled with it.
     realizations : int
         Paths of a record at each intensity.
     seed : int
@@ -605,7 +618,7 @@ def study(
     if exceeded is not None:
         exceeded.check_measure(measure)
     reading: dict[str, Any] = {"units": units, "interval": interval, "component": component}
-    reading |= {"ground": ground, "building": building}
+    reading |= {"ground": ground, "building": building, "vertical": vertical}
     scenes = recorded_scenes(scene, records, **reading, baseline=baseline, corner_hz=corner_hz)
     events = _labels(events, scenes)
     blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)

@@ -300,6 +300,8 @@ class Scene:
             part = getattr(self.noise, name, None)
             if dataclasses.is_dataclass(part):
                 tables[f"noise.{name}"] = part
+        if self.forcing.vertical is not None:
+            tables["forcing.vertical"] = self.forcing.vertical
         return "\n".join(table_of(name, part) for name, part in tables.items())
 
 

@@ -7,6 +7,7 @@ realizations; `random` has their random numbers. An engine is a file: `exact_sle
 """
 
 from fpk_rocking.base import checks
+from fpk_rocking.physics.forcing import refuse_vertical
 from montecarlo.engines import exact_block, exact_enveloped, exact_slender, filtered, rk4, white
 
 ENGINES = tuple(module.ENGINE for module in (exact_slender, exact_enveloped, exact_block, rk4, white, filtered))
@@ -24,6 +25,8 @@ def engine_of(scene, method=None):
     if engines:
         return engines[0]
     methods = dict.fromkeys(engine.method for engine in ENGINES)
+    if scene.noise.kind in {"white", "filtered"}:
+        refuse_vertical(scene.forcing, f"paths under {scene.noise.kind} noise")
     if not isinstance(method, str) or method not in methods:
         accepted = ", ".join(map(repr, methods)) + " or None (the first that fits the noise)"
         raise ValueError(checks.refusal("method", method, accepted))

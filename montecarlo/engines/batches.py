@@ -13,7 +13,7 @@ from fpk_rocking.physics.motion.events import ImpactRecord
 from fpk_rocking.results.returns import angle_of_fall
 from fpk_rocking.scene import ranges
 from fpk_rocking.scene.axes import result_times
-from fpk_rocking.scene.least import kind_of, least_scenes
+from fpk_rocking.scene.least import kind_of, least_scene_with_vertical, least_scenes
 from fpk_rocking.scene.scene import Scene
 from montecarlo.engines import ENGINES, engine_of
 from montecarlo.engines.random import keys_at, stream_keys
@@ -199,12 +199,14 @@ _SECONDS = {"exact_slender": 7, "exact_enveloped": 7, "exact_block": 9, "rk4": 7
 def compilation_of(engine, scene):
     """Return the `Compilation` of an engine for the kind of block of a scene."""
     name, kind = engine.file.stem, kind_of(scene.block)
-    return Compilation(f"{__name__}:compile_engine:{name}:{kind}", _SECONDS[name] + 2 * (kind != "slender"))
+    vertical = ":vertical" * (scene.forcing.vertical is not None)
+    return Compilation(f"{__name__}:compile_engine:{name}:{kind}{vertical}", _SECONDS[name] + 2 * (kind != "slender"))
 
 
-def compile_engine(name, kind):
+def compile_engine(name, kind, vertical=""):
     (engine,) = (engine for engine in ENGINES if engine.file.stem == name)
-    scene = next(scene for scene in least_scenes(kind).values() if engine.takes(scene))
-    run = checked_run(scene, 1, 1, 1, engine.method, 200)
+    scenes = [least_scene_with_vertical(kind)] if vertical else least_scenes(kind).values()
+    scene = next(scene for scene in scenes if engine.takes(scene))
+    run = checked_run(scene, None if vertical else 1, 1, 1, engine.method, 200)
     for _ in simulate_batches(run, followed=0):
         pass

@@ -17,6 +17,7 @@ from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.collocation import NODES
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
+    block_in,
     block_of_scene,
     dispatch_on_block,
     force_bounds,
@@ -60,6 +61,7 @@ class ExactParameters(NamedTuple):
     least: np.ndarray  # (m, 2), by side < 0, > 0: a flight with both ends between `least` and `most` has no event
     most: np.ndarray
     stays: np.ndarray  # (m,): whether a block at rest surely stays so
+    weights: np.ndarray  # (m, 3), of `Weight` from the middle on; (0, 3) where the base does not move vertically
     envelope: EnvelopePieces
     exponentials: np.ndarray
     bend: np.ndarray
@@ -81,7 +83,9 @@ def tables_of_scene(scene, times, finer=False):
     low, high = np.empty((2, grid.count))
     force_bounds(particular, half, low, high)
     loudest = largest_noise(scene.noise, harmonics) * largest_values(envelope, grid.spacing * np.arange(grid.count + 1))
-    least, most, stays = eventless_angles(low - loudest, high + loudest, grid.spacing, block)
+    weights = forcing.weights(grid.spacing, grid.count)
+    weights[:, 0] += half * weights[:, 1]
+    least, most, stays = eventless_angles(low - loudest, high + loudest, weights, grid.spacing, block)
     exponentials, bend = interval_tables(half)
     return ExactParameters(
         block=block,
@@ -97,6 +101,7 @@ def tables_of_scene(scene, times, finer=False):
         least=least,
         most=most,
         stays=stays,
+        weights=weights,
         envelope=envelope_pieces(envelope, middles, half, TUNING.envelope_order),
         exponentials=exponentials,
         bend=bend,
@@ -104,20 +109,21 @@ def tables_of_scene(scene, times, finer=False):
     )
 
 
-def eventless_angles(low, high, spacing, block):
+def eventless_angles(low, high, weights, spacing, block):
     """Return `least`, `most` (m, 2) and `stays` (m,) by bounds `low`, `high` (m,) of the force in each interval."""
     (below, above), stays = np.empty((2, low.size, 2)), np.empty(low.size, np.bool_)
-    _write_clearances(low, high, spacing, block, below, above, stays)
+    _write_clearances(low, high, weights, spacing, block, below, above, stays)
     return below, block.cutoff - above, stays
 
 
 @kernel
-def _write_clearances(low, high, spacing, block, below, above, stays):
+def _write_clearances(low, high, weights, spacing, block, below, above, stays):
     """Write how far flights may leave the chord between their ends (m, 2), and whether a block at rest stays (m,)."""
     for j in range(low.size):
-        stays[j] = not can_lift_off(low[j], high[j], block)
+        own = block_in(weights, j, block)
+        stays[j] = not can_lift_off(low[j], high[j], own)
         for k in range(2):
-            below[j, k], above[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, block)
+            below[j, k], above[j, k] = chord_clearance(2 * k - 1, low[j], high[j], spacing, own)
 
 
 class Workspace(NamedTuple):
@@ -198,7 +204,7 @@ def step_with_events(state, end, side, number, j, share, cycle, parameters, work
     if share == 1.0:
         tried = side != 0 and not math.isnan(end[0]) and first[j + 1] == first[j] + 1
     origin = cycle * (parameters.grid.count * spacing) + (number + 0.5) * spacing
-    until, start, block = (share - 0.5) * spacing, -0.5 * spacing, parameters.block
+    until, start, block = (share - 0.5) * spacing, -0.5 * spacing, block_in(parameters.weights, j, parameters.block)
     for piece in range(first[j], first[j + 1]):
         strength, stop = parameters.envelope.strength[piece], min(parameters.envelope.ends[piece], until)
         if start >= until:
@@ -210,6 +216,11 @@ def step_with_events(state, end, side, number, j, share, cycle, parameters, work
             return (x, v), side, origin + time
         start = stop
     return (x, v), side, math.inf
+
+
+def in_closed_form(scene):
+    """Whether flights of a scene's block have a closed form: it is slender, and the base does not move vertically."""
+    return scene.block.critical_angle == 0.0 and scene.forcing.vertical is None
 
 
 def has_envelope(scene):

@@ -1,4 +1,7 @@
-"""An exact block under band noise or none, with an envelope or without: carried by `physics.motion.collocation`."""
+"""An exact block under band noise or none, with an envelope or without: carried by `physics.motion.collocation`.
+
+So is a slender one on a base that moves vertically, whose flights have no closed form.
+"""
 
 import math
 from typing import NamedTuple
@@ -9,12 +12,13 @@ from fpk_rocking.base.arrays import load, store
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS, collocation
 from fpk_rocking.physics.motion.collocation import NODES, PLACES, FlightTables, flight_tables
+from fpk_rocking.physics.motion.equation import block_at, block_in
 from fpk_rocking.physics.motion.events import can_lift_off
 from fpk_rocking.physics.motion.slender import force_series
 from fpk_rocking.physics.noise.band import noise_at_points
 from montecarlo.engines.band_noise import CHUNK, interpolate, largest_noise, sample_and_part
 from montecarlo.engines.engine import Engine
-from montecarlo.engines.exact import PIECEWISE, is_eventless, tables_of_scene
+from montecarlo.engines.exact import PIECEWISE, in_closed_form, is_eventless, tables_of_scene
 
 
 class Collocation(NamedTuple):
@@ -64,7 +68,8 @@ def _try_step(state, side, number, j, parameters, workspace):
         return parameters.stays[j], state
     if parameters.envelope.first[j + 1] > parameters.envelope.first[j] + 1:
         return False, state
-    tables, block = parameters.flight, parameters.block
+    tables, spacing = parameters.flight, parameters.grid.spacing
+    block = block_at(-0.5 * spacing, block_in(parameters.weights, j, parameters.block))
     sample, part = sample_and_part(number, parameters)
     push = noise_at_points(tables.values, part, workspace.samples.values, sample % CHUNK)
     if tables.envelope.shape[0] > 0:
@@ -74,7 +79,7 @@ def _try_step(state, side, number, j, parameters, workspace):
         return _surely_rests(push, tables.slack[j], workspace.acceleration, block), state
     u, push = side * x, side * push
     end, speed, acceleration, converged = collocation.fly_by_tables(
-        u, side * v, side, push, tables.steps, parameters.grid.spacing, block
+        u, side * v, side, push, tables.steps, spacing, block
     )
     store(workspace.acceleration, 0, acceleration)
     eventless = converged and is_eventless(u, end, side, j, parameters)
@@ -90,7 +95,7 @@ def _build_noise(number, _j, parameters, workspace):
 
 
 ENGINE = Engine(
-    takes=lambda scene: scene.noise.kind in {"none", "band"} and scene.block.critical_angle > 0.0,
+    takes=lambda scene: scene.noise.kind in {"none", "band"} and not in_closed_form(scene),
     parameters_of=parameters_of,
     try_step=_try_step,
     build_force=_build_noise,

@@ -17,7 +17,7 @@ from fpk_rocking.physics.motion.slender import forced_response, particular_at, p
 from fpk_rocking.physics.noise.band import WIDTH
 from montecarlo.engines.band_noise import CHUNK
 from montecarlo.engines.engine import Engine
-from montecarlo.engines.exact import PIECEWISE, has_envelope, is_eventless, tables_of_scene
+from montecarlo.engines.exact import PIECEWISE, has_envelope, in_closed_form, is_eventless, tables_of_scene
 
 
 class Response(NamedTuple):
@@ -82,7 +82,7 @@ def _build_noise(number, _j, parameters, workspace):
 
 
 ENGINE = Engine(
-    takes=lambda scene: has_envelope(scene) and not scene.block.critical_angle > 0.0,
+    takes=lambda scene: has_envelope(scene) and in_closed_form(scene),
     parameters_of=parameters_of,
     try_step=_try_step,
     build_force=_build_noise,

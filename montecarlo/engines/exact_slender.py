@@ -22,7 +22,7 @@ from montecarlo.engines.band_noise import (
     write_next_samples,
 )
 from montecarlo.engines.engine import Engine
-from montecarlo.engines.exact import COMMON, has_envelope, is_eventless, tables_of_scene
+from montecarlo.engines.exact import COMMON, has_envelope, in_closed_form, is_eventless, tables_of_scene
 
 
 class ClosedForm(NamedTuple):
@@ -112,9 +112,7 @@ def _state_at_end(state, side, number, j, parameters, workspace):
 
 
 ENGINE = Engine(
-    takes=lambda scene: (
-        scene.noise.kind in {"none", "band"} and not scene.block.critical_angle > 0.0 and not has_envelope(scene)
-    ),
+    takes=lambda scene: scene.noise.kind in {"none", "band"} and in_closed_form(scene) and not has_envelope(scene),
     parameters_of=parameters_of,
     begin=_begin,
     draw=_draw,

@@ -576,7 +576,7 @@ def _step_with_events(state, _end, side, number, j, share, cycle, parameters, wo
 
 ENGINE = Engine(
     method="filtered",
-    takes=lambda scene: scene.noise.kind == "filtered",
+    takes=lambda scene: scene.noise.kind == "filtered" and scene.forcing.vertical is None,
     parameters_of=parameters_of,
     workspace_of=workspace_of,
     begin=_begin,

@@ -16,6 +16,8 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     acceleration,
+    block_at,
+    block_in,
     block_of_scene,
     dispatch_on_block,
     segment_from_particular,
@@ -37,6 +39,7 @@ class RungeKuttaParameters(NamedTuple):
     forcing: np.ndarray  # (n, 3), at the beginning, middle and end of the n steps of a table period
     strength: np.ndarray  # (n, 3), the noise's envelope
     band: Band
+    weights: np.ndarray  # (n, 3), of `Weight`; (0, 3) where the base does not move vertically
 
 
 class Workspace(NamedTuple):
@@ -63,6 +66,7 @@ def parameters_of(scene, steps_per_cycle, times=None):
         scene.forcing.stage_values(grid.spacing, grid.count),
         strength,
         band_of_scene(scene, grid.duration),
+        scene.forcing.weights(grid.spacing, grid.count),
     )
 
 
@@ -137,10 +141,11 @@ def _slender_step(x, v, side, k, h, workspace, _block):
 def classical_step(u, w, side, begin, middle, end, h, block):
     """Return the folded (u, w) after a classical Runge-Kutta step, by the forces at its three times."""
     half = 0.5 * h
+    between = block_at(half, block)
     first = acceleration(u, side, begin, block)
-    second = acceleration(u + half * w, side, middle, block)
-    third = acceleration(u + half * (w + half * first), side, middle, block)
-    fourth = acceleration(u + h * (w + half * second), side, end, block)
+    second = acceleration(u + half * w, side, middle, between)
+    third = acceleration(u + half * (w + half * first), side, middle, between)
+    fourth = acceleration(u + h * (w + half * second), side, end, block_at(h, block))
     return u + h * (w + h * (first + second + third) / 6.0), w + h * (first + 2.0 * (second + third) + fourth) / 6.0
 
 
@@ -157,13 +162,12 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 @kernel(fastmath={"contract"}, forceinline=True)
 def _try_step(state, side, _number, j, parameters, workspace):
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
+    block = block_in(parameters.weights, j, parameters.block)
     if side == 0:
-        return not can_lift_off(workspace.low[k], workspace.high[k], parameters.block), state
-    floor, roof = folded_angle_bounds(
-        side * x, side * v, side, workspace.low[k], workspace.high[k], h, parameters.block
-    )
-    x, v = _step(x, v, side, k, h, workspace, parameters.block)
-    cutoff = parameters.block.cutoff
+        return not can_lift_off(workspace.low[k], workspace.high[k], block), state
+    floor, roof = folded_angle_bounds(side * x, side * v, side, workspace.low[k], workspace.high[k], h, block)
+    x, v = _step(x, v, side, k, h, workspace, block)
+    cutoff = block.cutoff
     return floor > 0.0 and roof < cutoff and 0.0 < side * x < cutoff, (x, v)
 
 
@@ -183,7 +187,7 @@ def _build_force(_number, j, parameters, workspace):
 @kernel
 def _step_with_events(state, _end, side, number, j, share, cycle, parameters, workspace, impacts):
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
-    block = parameters.block
+    block = block_in(parameters.weights, j, parameters.block)
     origin = (cycle + number // n) * (n * h) + (j - k) * h
     segment = borrowed(segment_from_particular(workspace.particular, workspace.scratch, h))
     x, v, side, time = advance_through_events(x, v, side, segment, 0.0, h * share, block, impacts, origin + k * h)

@@ -47,16 +47,15 @@ class ScaledPaths:
     def least_scale(self):
         """Factor up to which the forcing does not lift off a block at rest; 0 for one that starts otherwise."""
         scene = self._run.scene
-        if scene.start.angle or scene.start.velocity or not scene.forcing.largest:
-            return 0.0
-        return lift_off(scene.block.critical_angle) / scene.forcing.largest
+        lifting = scene.forcing.lifting(lift_off(scene.block.critical_angle))
+        return 0.0 if scene.start.angle or scene.start.velocity or not lifting > 0.0 else 1.0 / lifting
 
     def __call__(self, scales):
         """Return the `Outcomes` of n paths, one at each of the `scales` (n,), factors above 0."""
         outcomes = Outcomes(*np.full((3, len(scales)), math.nan))
 
         def follow(number):
-            parameters = scaled_parameters(self._parameters, scales[number])
+            parameters = scaled_parameters(self._parameters, scales[number], scales[number])
             (path,) = simulate_batches(self._run, samples=self._samples, parameters=parameters)
             time, side = path.overturn_time[0], path.overturn_side[0]
             peak = self.cutoff if side else largest_angle(self.times, path.angle[0], path.velocity[0])
@@ -81,8 +80,8 @@ def largest_angle(times, angle, velocity):
     return max(float(np.abs(angle).max()), float(tops.max(initial=0.0)))
 
 
-def scaled_parameters(parameters, factor):
-    """Return the `ExactParameters` of a scene without noise, linear in the forcing, with this times a factor."""
+def scaled_parameters(parameters, factor, sway):
+    """Return the `ExactParameters` of a scene without noise, with f times `factor`, a vertical motion times `sway`."""
     flight, forced = parameters.flight, factor * parameters.forced
     if isinstance(flight, Collocation):
         force, flight = forced, flight._replace(forcing=factor * flight.forcing, slack=factor * flight.slack)
@@ -90,5 +89,7 @@ def scaled_parameters(parameters, factor):
         force, flight = force_series(forced), flight._replace(node=factor * flight.node)
     spread = np.abs(force[:, 1:]) @ (0.5 * parameters.grid.spacing) ** np.arange(1, TERMS)
     bounds = force[:, 0] - spread, force[:, 0] + spread
-    least, most, stays = eventless_angles(*bounds, parameters.grid.spacing, parameters.block)
-    return parameters._replace(forced=forced, flight=flight, least=least, most=most, stays=stays)
+    weights = sway * parameters.weights
+    weights[:, 0] += 1.0 - sway
+    least, most, stays = eventless_angles(*bounds, weights, parameters.grid.spacing, parameters.block)
+    return parameters._replace(forced=forced, flight=flight, least=least, most=most, stays=stays, weights=weights)

@@ -251,7 +251,7 @@ def _simulate_path(stream, cycle, parameters, _workspace, angle, velocity, impac
 
 ENGINE = Engine(
     method="white",
-    takes=lambda scene: scene.noise.kind == "white",
+    takes=lambda scene: scene.noise.kind == "white" and scene.forcing.vertical is None,
     parameters_of=parameters_of,
     simulate_path=_simulate_path,
     renews=True,

@@ -91,6 +91,18 @@ def record_case(rng):
     return scene, motion, rate, rate * times[-1] + 6.0
 
 
+def vertical_case(rng):
+    """As `record_case`, on a base that moves vertically too: at times so strongly that the body is drawn upwards."""
+    scene, motion, rate, end = record_case(rng)
+    record = scene.forcing
+    times = record.interval * np.arange(len(record.samples) - 20)
+    samples = G * rng.uniform(0.2, 1.3) * rng.uniform(-1.0, 1.0, times.size)
+    samples[-1] = 0.0
+    vertical = Record(record.interval, tuple((samples / G).tolist()), "g")
+    motion.upward = lambda time: float(np.interp(time, times, samples, right=0.0))
+    return scene.varied(forcing={"vertical": vertical}), motion, rate, end
+
+
 def difference(case):
     """Largest differences in time (τ) and in velocity of the events of a case from those in metres and seconds.
 
@@ -112,7 +124,7 @@ def difference(case):
     return max(apart[0], last), apart[1]
 
 
-@pytest.mark.parametrize("make", [pulse_case, record_case])
+@pytest.mark.parametrize("make", [pulse_case, record_case, vertical_case])
 def test_bodies_move_as_in_metres_and_seconds(make):
     rng = np.random.default_rng(20)
     sides = []
@@ -125,7 +137,7 @@ def test_bodies_move_as_in_metres_and_seconds(make):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("make", [pulse_case, record_case])
+@pytest.mark.parametrize("make", [pulse_case, record_case, vertical_case])
 def test_many_bodies_move_as_in_metres_and_seconds(make):
     rng = np.random.default_rng(21)
     worst = np.array([difference(make(rng)) for _ in range(100)])

@@ -2,8 +2,8 @@
 
 Nothing nondimensional enters, no angle φ and no formula of a restitution. With the place (x, y) of the centre of mass
 from the corner that carries the body, the torque of gravity and of the moving base turns it, (r² + x² + y²) θ'' =
-g x + a y, and an impact keeps the angular momentum about the other corner. θ > 0 leans to the right, where a base
-acceleration a > 0 throws the body.
+(g + a_v) x + a y, and an impact keeps the angular momentum about the other corner. θ > 0 leans to the right, where a
+base acceleration a > 0 throws the body.
 """
 
 import bisect
@@ -17,16 +17,16 @@ SLOW = 1e-9
 
 
 class BodyInMetres:
-    """A body from rest under the acceleration `base(t)`, m/s², until an angle `fallen`, radians.
+    """A body from rest under the accelerations `base(t)` and `upward(t)`, m/s², until an angle `fallen`, radians.
 
     `lengths`: height of the centre, its distances from the right and from the left corner, radius of gyration. `kinks`
-    (n,) are the times, seconds, between which the acceleration is smooth. `events` lists (time, angular velocity before
-    the impact, side), and `outcome` is (time, side), or (nan, 0).
+    (n,) are the times, seconds, between which the accelerations are smooth. `events` lists (time, angular velocity
+    before the impact, side), and `outcome` is (time, side), or (nan, 0).
     """
 
-    def __init__(self, lengths, gravity, base, kinks, fallen):
+    def __init__(self, lengths, gravity, base, kinks, fallen, upward=lambda _: 0.0):
         self.height, self.right, self.left, self.radius = lengths
-        self.gravity, self.base, self.kinks, self.fallen = gravity, base, sorted(kinks), fallen
+        self.gravity, self.upward, self.base, self.kinks, self.fallen = gravity, upward, base, sorted(kinks), fallen
         self.time, self.state, self.side = 0.0, np.zeros(2), 0
         self.events, self.outcome, self.late = [], (math.nan, 0), 0.0
 
@@ -43,7 +43,7 @@ class BodyInMetres:
     def turning(self, time, angle, side):
         """Angular acceleration, rad/s²."""
         x, y = self.centre(angle, side)
-        return (self.gravity * x + self.base(time) * y) / (self.radius**2 + x * x + y * y)
+        return ((self.gravity + self.upward(time)) * x + self.base(time) * y) / (self.radius**2 + x * x + y * y)
 
     def impact(self, rate):
         """Angular velocity after the impact of the body that leaves its side."""
@@ -66,14 +66,14 @@ class BodyInMetres:
 
     def pressed(self, time, side):
         """How far the base is from lifting the body to a side, m/s²."""
-        return self.gravity * self.distance(side) / self.height - side * self.base(time)
+        return (self.gravity + self.upward(time)) * self.distance(side) / self.height - side * self.base(time)
 
     def rest(self, stop):
         """Wait for the lift-off, to `stop` at most."""
         times = np.linspace(self.time + 1e-12, stop, 20 + math.ceil(1e3 * (stop - self.time)))
-        bases, found = np.array([self.base(time) for time in times]), []
+        found = []
         for side in (1, -1):
-            for k in np.flatnonzero(side * bases > self.gravity * self.distance(side) / self.height)[:1]:
+            for k in np.flatnonzero(np.array([self.pressed(time, side) for time in times]) < 0.0)[:1]:
                 low, high = (times[k - 1], times[k]) if k else (times[0], times[0])
                 for _ in range(60):
                     middle = 0.5 * (low + high)

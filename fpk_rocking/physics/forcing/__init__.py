@@ -6,7 +6,7 @@ block follow (`fpk_rocking.physics.motion`). `base` says what a forcing is; `per
 `transient` what all that ends has, `pulse` and `record` the kinds of it. All is nondimensional, nothing is compiled.
 """
 
-from fpk_rocking.physics.forcing.base import Forcing, refuse_transient
+from fpk_rocking.physics.forcing.base import Forcing, refuse_transient, refuse_vertical
 from fpk_rocking.physics.forcing.periodic import Harmonic, Harmonics, PeriodicForcing, periodic
 from fpk_rocking.physics.forcing.pulse import Chirp, Pulse
 from fpk_rocking.physics.forcing.record import Record
@@ -26,6 +26,7 @@ __all__ = [
     "TransientForcing",
     "periodic",
     "refuse_transient",
+    "refuse_vertical",
 ]
 
 FORCINGS = {cls.kind: cls for cls in (Harmonic, Harmonics, Pulse, Chirp, Record)}

@@ -3,6 +3,8 @@
 import abc
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
+import numpy as np
+
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 
@@ -12,6 +14,9 @@ RANGES = {"amplitude": (0.0, 1e4), "frequency": (1e-3, 1e4), "phase": (0.0, 1e6)
 
 class Size(Protocol):
     """What a forcing in seconds and m/s² needs of the size of a block, see `Dimensions`."""
+
+    gravity: float
+    """Acceleration of gravity, m/s²."""
 
     def amplitude(self, peak_acceleration: Array) -> Array:
         """Accelerations (...) in m/s² over g θ_cr."""
@@ -44,6 +49,8 @@ class Forcing(abc.ABC):
     """Smallest and largest size that the engines carry, of fields or other parts, by name."""
     dimensional: ClassVar[bool] = False
     """Whether it is in seconds and m/s², so that it needs the dimensions of the block and follows them."""
+    vertical: "Forcing | None" = None
+    """Vertical acceleration of the base beside f; None where there is none."""
 
     if TYPE_CHECKING:  # a property here would forbid a field of this name
 
@@ -134,6 +141,21 @@ class Forcing(abc.ABC):
     def since_lift_off(self, time: float) -> tuple[float, float]:
         """(elapsed, slope): time since |f| last rose through 1, and d|f|/dτ there; (inf, 0) if never before."""
 
+    def weights(self, spacing: float, count: int) -> Array:  # noqa: ARG002  (a base that does not move vertically)
+        """Weight of a block over mg in each interval of a uniform grid from τ = 0 on, rows (count, 3) of `Weight`.
+
+        No rows, (0, 3), where the base does not move vertically.
+        """
+        return np.empty((0, 3))
+
+    def weight(self, times: Array) -> Array:
+        """Weight of a block over mg at times (n,)."""
+        return np.ones(len(times))
+
+    def lifting(self, level: float) -> float:
+        """Largest |f| over the |f| at which a block of the weight mg lifts off, less a_v/g: up to 1 it rests."""
+        return self.largest / level
+
     @abc.abstractmethod
     def scaled(self, strength: float, rate: float) -> Self:
         """The forcing with accelerations multiplied by `strength` and frequencies by `rate`, both above 0."""
@@ -155,6 +177,13 @@ class Forcing(abc.ABC):
     def from_table(cls, name: str, table: dict, folder: File) -> Self:  # noqa: ARG003  (for those from files)
         """The forcing of a TOML table without its kind; `name` is for messages, files are relative to `folder`."""
         return cls(**checks.arguments(name, table, cls))
+
+
+def refuse_vertical(forcing: Forcing, what: str) -> None:
+    """Raise ValueError for a base that moves vertically too; `what` names the computation that leaves this out."""
+    if forcing.vertical is not None:
+        accepted = f"none, as {what} leave it out: paths by the methods 'exact' and 'rk4' take it"
+        raise ValueError(checks.refusal("forcing.vertical", str(forcing.vertical), accepted))
 
 
 def refuse_transient(forcing: Any, what: str) -> None:

@@ -4,7 +4,8 @@ import dataclasses
 import functools
 import math
 import pathlib
-from typing import ClassVar, Self, cast
+import re
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 
@@ -25,7 +26,7 @@ class Record(TransientForcing):
     """Recorded acceleration of the base, linear between equally spaced samples and 0 after the last one.
 
     A scene with a record needs ``block.dimensions``, from which its time τ = pt and force a/(g θ_cr) follow. The first
-    sample is at τ = 0.
+    sample is at τ = 0. A `vertical` motion multiplies the weight of the block by 1 + a_v/g.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class Record(TransientForcing):
     units : {"g", "m/s2", "cm/s2", "mm/s2", "mg", "g/10", "%g", "ft/s2", "in/s2"}
         Unit of the samples; g is 9.80665 m/s². Other spellings, such as "m/s^2" and "gal", become one of these.
     scale : float
-        Factor of the samples.
+        Factor of the samples, and of the vertical ones: both are of one event.
     source, event, note : str
         Name of the file, event, date and station as far as it says them, and what else a user should know of it. They
         do not count when records are compared.
@@ -46,6 +47,8 @@ class Record(TransientForcing):
     corner_hz : float
         Corner of "high-pass", Hz: Butterworth's filter of order 2 forwards and backwards, so that the amplitude at f is
         multiplied by 1 / (1 + (corner / f)^4), over samples padded with 6 / corner seconds of zeros on either side.
+    vertical : Record, optional
+        Acceleration of the base upwards at the same times; it counts as 0 after its end, and up to that of this record.
 
     Examples
     --------
@@ -68,6 +71,7 @@ class Record(TransientForcing):
     corner_hz: float = CORNER_HZ
     event: str = dataclasses.field(default="", compare=False)
     note: str = dataclasses.field(default="", compare=False)
+    vertical: "Record | None" = None
 
     _size: ClassVar[Size | None] = None
     time_scale: ClassVar[float] = 2.0
@@ -86,6 +90,13 @@ class Record(TransientForcing):
         if self.baseline == "high-pass" and not low <= self.corner_hz <= high:
             accepted = f"from {low:.3g} to {high:.3g} Hz for samples at {self.interval:g} s"
             raise ValueError(checks.refusal("forcing.corner_hz", self.corner_hz, accepted))
+        if self.vertical is not None:
+            checks.instance("forcing.vertical", self.vertical, Record)
+            if self.vertical.vertical is not None:
+                raise ValueError(checks.refusal("forcing.vertical.vertical", str(self.vertical.vertical), "nothing"))
+            if not math.isclose(self.vertical.interval, self.interval, rel_tol=1e-6):
+                accepted = f"{self.interval:g}, as the horizontal motion has"
+                raise ValueError(checks.refusal("forcing.vertical.interval", self.vertical.interval, accepted))
 
     @classmethod
     def from_file(
@@ -99,6 +110,8 @@ class Record(TransientForcing):
         baseline: str = "none",
         corner_hz: float = CORNER_HZ,
         where_unstated: bool = False,
+        vertical: File | None = None,
+        upright: bool = False,
     ) -> Self:
         """Read a record from a file.
 
@@ -117,15 +130,20 @@ class Record(TransientForcing):
             See `Record`.
         where_unstated : bool
             Whether `units`, `interval` and `component` count only where the file leaves them open.
+        vertical : str or pathlib.Path, optional
+            File of the vertical motion, or the same file where it has both. It is read like this one, with `units` and
+            `interval` where it leaves them open.
+        upright : bool
+            Whether the vertical component of the file is the one to read.
 
         Raises
         ------
         FileNotFoundError
             There is no such file.
         TypeError, ValueError
-            A parameter is refused, or the file has no horizontal acceleration, several of them, another format, is
-            truncated, or has values that are not finite or times that are not equally spaced; the message says what
-            and where.
+            A parameter is refused, or the file has no horizontal (or, `upright`, vertical) acceleration, several of
+            them, another format, is truncated, or has values that are not finite or times that are not equally spaced;
+            the message says what and where.
         """
         file = checks.path("forcing.file", path)
         wanted = None if units is None else _unit(units)
@@ -133,7 +151,7 @@ class Record(TransientForcing):
             interval = checks.number("forcing.interval", interval, above=0.0)
         if component is not None and (isinstance(component, bool) or not isinstance(component, str | int)):
             raise TypeError(checks.refusal("forcing.component", component, "a name, or a number from 1"))
-        found = reading(file).chosen(component, if_several=where_unstated)
+        found = reading(file).chosen(component, if_several=where_unstated, upright=upright)
         says, unit, step = f"the file {str(file)!r}", found.unit or wanted, found.interval or interval
         if not where_unstated:
             if wanted and wanted != unit:
@@ -146,29 +164,56 @@ class Record(TransientForcing):
             accepted |= {"interval": "the seconds between two samples"} if not step else {}
             lacks = [f"forcing.{key}: missing, {says} does not say it, accepted: {accepted[key]}" for key in accepted]
             raise ValueError(f"{'; '.join(lacks)} (in a shell --{' and --'.join(accepted)})")
-        samples, note = tuple(found.values.tolist()), " ".join(found.sentences)
+        values = -found.values if upright and found.downward else found.values
+        samples, note = tuple(values.tolist()), " ".join(found.sentences)
         # Where one was chosen, a table of motions says which.
         chosen = found.name if component is not None and found.name not in found.event else ""
         event = ", ".join(filter(None, [found.event, chosen]))
         about = {"source": file.name, "event": event, "note": note}
-        return cls(step, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, **about)
+        beside = None
+        if vertical is not None:
+            beside = cls.from_file(
+                vertical,
+                units=units,
+                interval=interval,
+                baseline=baseline,
+                corner_hz=corner_hz,
+                where_unstated=True,
+                upright=True,
+            )
+        return cls(step, samples, unit, scale=scale, baseline=baseline, corner_hz=corner_hz, vertical=beside, **about)
 
     @classmethod
     def from_table(cls, name: str, table: dict, folder: File) -> Self:
         """The record of a TOML table: its keys are those of `from_file`, or the parameters of the class."""
         if "file" not in table:
+            table = dict(table)
+            if "vertical" in table:
+                own = dict(checks.table(f"{name}.vertical", table["vertical"]))
+                own.pop("kind", None)
+                table["vertical"] = cls.from_table(f"{name}.vertical", own, folder)
             return super().from_table(name, table, folder)
-        keys = ("file", "units", "interval", "component", "scale", "baseline", "corner_hz")
+        keys = ("file", "units", "interval", "component", "scale", "baseline", "corner_hz", "vertical")
         for key in table:
             if key not in keys:
                 raise ValueError(f"{name}.{key}: unknown, accepted beside {name}.file: {', '.join(keys[1:])}")
-        path = pathlib.Path(folder, checks.path(f"{name}.file", table["file"]))
-        return cls.from_file(path, **{key: value for key, value in table.items() if key != "file"})
+        files = {
+            key: pathlib.Path(folder, checks.path(f"{name}.{key}", table[key]))
+            for key in ("file", "vertical")
+            if key in table
+        }
+        return cls.from_file(files.pop("file"), **{key: table[key] for key in table if key != "file"} | files)
 
     def scaled(self, strength: float, rate: float) -> Self:
         scale, interval, corner_hz = self.scale * strength, self.interval / rate, self.corner_hz * rate
-        changed = dataclasses.replace(self, scale=scale, interval=interval, corner_hz=corner_hz)
+        vertical = self.vertical and self.vertical.scaled(1.0, rate)
+        changed = dataclasses.replace(self, scale=scale, interval=interval, corner_hz=corner_hz, vertical=vertical)
         return changed if self._size is None else changed.for_size(self._size)
+
+    def corrected(self, **changes: Any) -> Self:
+        """The record with another `baseline` or `corner_hz`, and its vertical motion too."""
+        vertical = self.vertical and self.vertical.corrected(**changes)
+        return dataclasses.replace(self, **changes, vertical=vertical)
 
     def check_range(self) -> None:
         """Raise ValueError, by name, for accelerations or times that the engines cannot carry."""
@@ -177,6 +222,8 @@ class Record(TransientForcing):
         if not self.largest <= most:
             accepted = f"accelerations up to {most:g} g θ_cr{checks.ENGINES}"
             raise ValueError(checks.refusal("forcing.scale", self.scale, accepted))
+        if not np.abs(self.swaying).max(initial=0.0) <= most:
+            raise ValueError(checks.refusal("forcing.scale", self.scale, f"a vertical motion up to {most:g} g"))
 
     def for_size(self, size: Size | None) -> Self:
         """The record made nondimensional by a block's size; None is a ValueError."""
@@ -199,6 +246,16 @@ class Record(TransientForcing):
         """Force f (n,) at the samples. What overflows is inf or nan, and refused with all that is too strong."""
         with np.errstate(over="ignore", invalid="ignore"):
             return self._bound_size.amplitude(self.scale * UNITS[self.units] * self.corrected_samples)
+
+    @functools.cached_property
+    def swaying(self) -> Array:
+        """Vertical acceleration over g at the samples (n,), upwards; (0,) where there is none."""
+        if self.vertical is None:
+            return np.empty(0)
+        count, other = len(self.samples), self.vertical
+        samples = np.pad(other.corrected_samples[:count], (0, max(0, count - len(other.samples))))
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self.scale * other.scale * UNITS[other.units] / self._bound_size.gravity * samples
 
     @property
     def corrected_samples(self) -> Array:
@@ -277,7 +334,16 @@ class Record(TransientForcing):
                         f"All samples of {name} lie around an offset of {level}, which its PGA contains: take baseline "
                         '= "mean" (--baseline mean), or "high-pass".'
                     )
-        return sentences
+        return sentences + ([] if self.vertical is None else self._beside(self.vertical))
+
+    def _beside(self, vertical):
+        """Sentences on a vertical motion that is hardly meant, or hardly of the same place."""
+        own, other = self.event, vertical.event
+        # The last word may name the component.
+        stems = [re.sub(r"\W*\w+\W*$", "", text) for text in (own, other)]
+        if own.startswith(stems[1]) or other.startswith(stems[0]):
+            return vertical.implausible
+        return [*vertical.implausible, f"{vertical.source} is not of the place of {self.source}: {other}; {own}."]
 
     @property
     def drifts(self) -> bool:
@@ -308,17 +374,46 @@ class Record(TransientForcing):
         return float(np.abs(np.diff(self.forces)).max()) / self.unit
 
     def series(self, times: Array) -> Array:
-        out, forces = np.zeros((len(times), TERMS)), self.forces
-        place = np.floor(np.asarray(times) / self.unit + 1e-9).astype(np.int64)
-        on = (place >= 0) & (place < len(forces) - 1)
+        return self._pieces(self.forces, np.asarray(times), TERMS)
+
+    def weights(self, spacing: float, count: int) -> Array:
+        if self.vertical is None:
+            return super().weights(spacing, count)
+        rows = self._pieces(self.swaying, spacing * np.arange(count), 3)
+        begin, slope = rows[:, 0], rows[:, 1]
+        rows[:, 2] = np.maximum(np.abs(begin), np.abs(begin + spacing * slope))
+        rows[:, 0] += 1.0
+        return rows
+
+    def weight(self, times: Array) -> Array:
+        if self.vertical is None:
+            return super().weight(times)
+        return 1.0 + self._pieces(self.swaying, times, 2)[:, 0]
+
+    def _pieces(self, samples, times, terms):
+        """Value and slope at times (n,) of what is linear between `samples`, 0 from the last one on, in (n, terms)."""
+        out = np.zeros((len(times), terms))
+        place = np.floor(times / self.unit + 1e-9).astype(np.int64)
+        on = (place >= 0) & (place < len(samples) - 1)
         k = place[on]
-        slope = (forces[k + 1] - forces[k]) / self.unit
-        out[on, 0], out[on, 1] = forces[k] + slope * (times[on] - k * self.unit), slope
+        slope = (samples[k + 1] - samples[k]) / self.unit
+        out[on, 0], out[on, 1] = samples[k] + slope * (times[on] - k * self.unit), slope
         return out
+
+    def lifting(self, level: float) -> float:
+        if self.vertical is None:
+            return super().lifting(level)
+        return float((np.abs(self.forces) / level - self.swaying).max())
+
+    def weightless(self, most: float) -> float:
+        """Seconds at which the motion times a factor up to `most` first leaves a block no weight; nan where never."""
+        places = np.flatnonzero(1.0 + most * self.swaying <= 0.0)
+        return float(self.interval * places[0]) if places.size else math.nan
 
     def __str__(self):
         name = self.source or "a record"
-        return f"{name}, {len(self.samples)} samples of {self.interval:g} s, {self.scale:g} times"
+        beside = "" if self.vertical is None else f" with {self.vertical.source or 'a vertical motion'}"
+        return f"{name}{beside}, {len(self.samples)} samples of {self.interval:g} s, {self.scale:g} times"
 
 
 def check_baseline(name: str, value: str) -> str:

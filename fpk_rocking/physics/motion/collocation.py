@@ -1,11 +1,11 @@
 """The exact block through an interval of a grid, fast: flights by Gauss-Legendre collocation, joined by impacts.
 
-With y = u - m, the folded angle from the saddle, and F = s f a flight is y'' = κ (sin(α y)/α + F cos(α y)); m = κ = 1
-for equal sides. The polynomial that obeys it at the `NODES` Gauss points of a time has at its end an error of order 2
-`NODES` (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, 1993, section II.7). Iteration
-by repeated integrals finds it: each round gains about three digits. The sine and cosine are those at a first guess,
-turned by the little angle from there, so that they cost a few products. Values at the points are SIMD vectors of eight
-floats.
+With y = u - m, the folded angle from the saddle, and F = s f a flight is y'' = κ (G sin(α y)/α + F cos(α y)); the
+weight G is 1 unless the base moves vertically, m = κ = 1 for equal sides. The polynomial that obeys it at the `NODES`
+Gauss points of a time has at its end an error of order 2 `NODES` (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary
+Differential Equations I, 1993, section II.7). Iteration by repeated integrals finds it: each round gains about three
+digits. The sine and cosine are those at a first guess, turned by the little angle from there, so that they cost a few
+products. Values at the points are SIMD vectors of eight floats.
 
 An impact is located on that polynomial, and the flight up to it is made anew, which gives its time and velocity the
 order of the end. It is accepted only where a bound of the acceleration proves that it is the first event. Everything
@@ -24,10 +24,13 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
     acceleration_scale,
+    block_at,
+    dispatch_on_weight,
     restitution_from,
     saddle,
     segment_from_force,
     value_and_slope,
+    weight_of,
 )
 from fpk_rocking.physics.motion.events import (
     CHATTER_TIME,
@@ -135,12 +138,26 @@ def lanes_times_table(m, a):
     return (first + second) + (third + (load(m, 6) * spread(a, 6) + load(m, 7) * spread(a, 7)))
 
 
+@kernel(inline="always")
+def _still_weights(_span, _block):
+    return 1.0
+
+
+@kernel(inline="always")
+def _moving_weights(span, block):
+    return block.weight.start + span * block.weight.slope * load(POINTS, 0)
+
+
+_weights = dispatch_on_weight(_still_weights, _moving_weights)
+"""Weight at the points of a flight, with which that of the block starts."""
+
+
 @kernel(fastmath={"contract"}, forceinline=True)
-def _iterate(table, factor, base, own, near, force, square, alpha, scale):
+def _iterate(table, factor, base, own, near, force, weight, square, alpha, scale):
     """(accelerations, y, converged) at the points of a flight, from a guess `near` of y.
 
     y is `base` plus `factor` times the integrals, by the `table` (NODES, NODES), of the accelerations: y'', less y if
-    `own`. `force` is s f at the points, `square` the duration squared.
+    `own`. `force` is s f and `weight` G at the points, `square` the duration squared.
     """
     # The acceleration as a Taylor polynomial about the guess.
     turn = alpha * alpha
@@ -157,7 +174,7 @@ def _iterate(table, factor, base, own, near, force, square, alpha, scale):
         + qq * (COSINE[2] + q * COSINE[3])
         + r * ((COSINE[4] + q * COSINE[5]) + qq * (COSINE[6] + q * COSINE[7]) + r * COSINE[8])
     )
-    c0, c1 = scale * (sine + force * cosine), scale * (cosine - turn * (force * sine))
+    c0, c1 = scale * (weight * sine + force * cosine), scale * (weight * cosine - turn * (force * sine))
     c2, c3 = (-0.5 * turn) * c0, (-turn / 6.0) * c1
     c4 = (-turn / 12.0) * c2
     if own:
@@ -189,7 +206,8 @@ def fly_by_tables(u, w, side, force, tables, span, block):
     if scale != 1.0:
         fall += (1.0 - scale) * y
     near = (base - fall * (cosh - 1.0)) + scale * less * lanes_times_table(tables.inner, force)
-    pull, angle, converged = _iterate(tables.inner, 1.0, base, True, near, force, span * span, alpha, scale)
+    weight, square = _weights(span, block), span * span
+    pull, angle, converged = _iterate(tables.inner, 1.0, base, True, near, force, weight, square, alpha, scale)
     y, w = tables.cosh * y + tables.sinh * w, tables.sinh * y + tables.cosh * w
     end = middle + y + total(load(tables.points, 2) * pull)
     return end, w + total(load(tables.points, 3) * pull), pull + angle, converged
@@ -200,7 +218,8 @@ def fly_collocated(u, w, side, force, span, block, near):
     """(u, w, u'' at the points, converged) after a flight over `span`; `near` is a guess of y at the points."""
     y, slope, square, scale = u - saddle(side, block), span * w, span * span, acceleration_scale(side, block)
     base = y + slope * load(POINTS, 0)
-    bend, _, converged = _iterate(INNER, square, base, False, near, force, square, block.critical_angle, scale)
+    weight, alpha = _weights(span, block), block.critical_angle
+    bend, _, converged = _iterate(INNER, square, base, False, near, force, weight, square, alpha, scale)
     return u + slope + square * total(load(POINTS, 1) * bend), w + span * total(load(POINTS, 2) * bend), bend, converged
 
 
@@ -209,8 +228,9 @@ def _guess(u, w, side, begin, end, span, block):
     """Guess of y at the points of a flight, for a cubic u; `begin`, `end` are s f at the first and the last point."""
     y, slope, c = u - saddle(side, block), span * w, load(POINTS, 0)
     square = acceleration_scale(side, block) * (span * span)
-    bend = 0.5 * square * (y + begin)
-    twist = (square * (y + slope + end) - 2.0 * bend) / 6.0
+    first, last = weight_of(block), weight_of(block_at(span, block))
+    bend = 0.5 * square * (first.start * y + begin)
+    twist = (square * (last.start * (y + slope) + end) - 2.0 * bend) / 6.0
     return y + c * (slope + c * (bend + c * twist))
 
 
@@ -275,10 +295,13 @@ def _hop(u, w, side, force, start, until, block):
     if u != 0.0 or not 0.0 < w <= 2e-4:  # a faster hop is no polynomial of fourth order
         return 0.0, 0.0
     (f, slope), alpha = value_and_slope(force, start), block.critical_angle
-    phi, scale = alpha * saddle(side, block), acceleration_scale(side, block)
+    phi, scale, weight = alpha * saddle(side, block), acceleration_scale(side, block), weight_of(block)
     cosine, sine = math.cos(phi), math.sin(phi)
-    bend, stiff = scale * (side * f * cosine - sine / alpha), scale * (cosine + alpha * side * f * sine)
+    bend = scale * (side * f * cosine - weight.start * sine / alpha)
+    stiff = scale * (weight.start * cosine + alpha * side * f * sine)
     jerk = stiff * w + scale * (side * slope * cosine)
+    if weight.slope != 0.0:
+        jerk -= scale * (weight.slope * sine / alpha)
     snap = stiff * bend
     time = -2.0 * w / bend
     if not 0.0 < 2.0 * time < until - start or abs(jerk) * time > -0.1 * bend:
@@ -362,11 +385,11 @@ def advance_from_flight(
             start, side = lift_off_time(borrowed(segment_from_force(force, half)), start, end, block)
             x, v = 0.0, 0.0
             continue
-        u, w, span = side * x, side * v, until - start
-        time, landing = _hop(u, w, side, force, start, until, block)
+        u, w, span, now = side * x, side * v, until - start, block_at(start, block)
+        time, landing = _hop(u, w, side, force, start, until, now)
         if time == 0.0:
             if not followed:
-                last, speed, bend, converged = _flight(u, w, side, force, start, span, block)
+                last, speed, bend, converged = _flight(u, w, side, force, start, span, now)
             followed = False
             _expand(u, w, span, bend, work, angle)
             event, place = _event(u, w, last, angle, quotient, block)
@@ -378,7 +401,7 @@ def advance_from_flight(
                     break
                 until = start + 0.4 * span
                 continue
-            time, landing = _arrive(u, w, side, force, start, 0.5 * (place + 1.0) * span, place, angle, block)
+            time, landing = _arrive(u, w, side, force, start, 0.5 * (place + 1.0) * span, place, angle, now)
             if time == 0.0:
                 break
         until = end

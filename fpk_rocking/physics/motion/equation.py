@@ -1,16 +1,17 @@
 """The equation of motion on the side s = ±1, for slender and for exact blocks, and the force over a segment of time.
 
-    exact      x'' = κ (-s sin φ/α + f cos φ),  φ = α (m - s x),  with the critical angle α
+    exact      x'' = κ (-s G sin φ/α + f cos φ),  φ = α (m - s x),  with the critical angle α
     slender    x'' = x - s + f,  its limit α → 0
 
 m = κ = 1 but for a block of unequal sides: its centre of mass is over the corner of a side at the angle m, the *saddle*
 of that side, and κ is (p_s/p)², by the frequency parameter p_s of the side (docs/theory). White noise is
-sqrt(2 D) κ cos φ dW.
+sqrt(2 D) κ cos φ dW. The weight over mg, G = 1 + a_v/g, is 1 unless the base has a vertical acceleration a_v, linear
+over a segment of time.
 
 Folded, u = s x >= 0 is the angle, w = s v the velocity and s f the force. Each kernel has a slender and an exact form,
 and what calls it is compiled for the one or the other: the slender form has no sine and cosine, and follows from the
 exact one only in the limit of a division by α. Of equal sides m and κ are constants. A critical angle of None is a
-slender block. All quantities are nondimensional.
+slender block; that of a base that moves vertically is an exact one of a minute α. All quantities are nondimensional.
 
 With P a flight of a slender block is s + P and two exponentials, and f = P'' - P. Kinds of forcing and noise differ in
 the coefficients of P alone: TERMS of them, lowest power first, in the time since some instant.
@@ -39,17 +40,27 @@ class UnequalSides(NamedTuple):
     restitution: tuple[float, float]
 
 
+class Weight(NamedTuple):
+    """Weight G over a segment of time: at its start, its slope, and a bound of |G - 1|."""
+
+    start: float = 1.0
+    slope: float = 0.0
+    sway: float = 0.0
+
+
 class KernelBlock(NamedTuple):
     """A block as kernels take it: restitution e, and the angle whose first passage is overturning.
 
     `critical_angle` is α, or None for a slender block. `sides` are those of a block that is not symmetric: its
-    `restitution` is None. Kernels are compiled for each of these kinds.
+    `restitution` is None. `weight` is None where the base does not move vertically. Kernels are compiled for each of
+    these kinds.
     """
 
     restitution: float | None
     cutoff: float
     critical_angle: float | None = None
     sides: UnequalSides | None = None
+    weight: Weight | None = None
 
     @property
     def saddles(self) -> tuple[float, float]:
@@ -65,10 +76,13 @@ class KernelBlock(NamedTuple):
 def block_of_scene(scene: Any) -> KernelBlock:
     """Block and overturning angle of a scene."""
     block, cutoff = scene.block, scene.overturning.angle
+    weight = None if scene.forcing.vertical is None else Weight()
     if block.symmetric:
-        return KernelBlock(block.restitution, cutoff, block.critical_angle or None)
+        # The square of this angle is below rounding, so that its exact equation is that of a slender block.
+        alpha = block.critical_angle or (None if weight is None else 1e-8)
+        return KernelBlock(block.restitution, cutoff, alpha, None, weight)
     sides = UnequalSides(block.body.saddles, block.body.acceleration_scales, block.restitution_by_side)
-    return KernelBlock(None, cutoff, block.critical_angle, sides)
+    return KernelBlock(None, cutoff, block.critical_angle, sides, weight)
 
 
 def _dispatch(field: str, without: Callable[..., Any], with_it: Callable[..., Any]) -> Callable[..., Any]:
@@ -90,6 +104,8 @@ dispatch_on_block = functools.partial(_dispatch, "critical_angle")
 """One function of the kernels for a slender and for an exact block; in a compiled kernel the block's type decides."""
 dispatch_on_sides = functools.partial(_dispatch, "sides")
 """One function of the kernels for a symmetric block and for one of unequal sides."""
+dispatch_on_weight = functools.partial(_dispatch, "weight")
+"""One function of the kernels for a base that does not move vertically and for one that does."""
 
 
 # Arguments with an underscore are there for the other form.
@@ -140,6 +156,58 @@ restitution_from = dispatch_on_sides(_equal_restitution, _unequal_restitution)
 
 
 @kernel(inline="always")
+def _still_weight(_block):
+    return Weight(1.0, 0.0, 0.0)
+
+
+@kernel(inline="always")
+def _moving_weight(block):
+    return block.weight
+
+
+@kernel(inline="always")
+def _same_block(_time, block):
+    return block
+
+
+@kernel(inline="always")
+def _later_block(time, block):
+    weight = block.weight
+    later = Weight(weight.start + time * weight.slope, weight.slope, weight.sway)
+    return KernelBlock(block.restitution, block.cutoff, block.critical_angle, block.sides, later)
+
+
+@kernel(inline="always")
+def _block_of_row(weights, j, block):
+    weight = Weight(weights[j, 0], weights[j, 1], weights[j, 2])
+    return KernelBlock(block.restitution, block.cutoff, block.critical_angle, block.sides, weight)
+
+
+@kernel(inline="always")
+def _block_of_all(_weights, _j, block):
+    return block
+
+
+weight_of = dispatch_on_weight(_still_weight, _moving_weight)
+"""`Weight` of a block: constants where the base does not move vertically, so that they cost nothing."""
+_block_at = dispatch_on_weight(_same_block, _later_block)
+_block_in = dispatch_on_weight(_block_of_all, _block_of_row)
+
+
+# Not in line as text: within another kernel that is so, numba 0.68 then loses the noise of `engines.exact_block`.
+@kernel(forceinline=True)
+def block_at(time, block):
+    """The block whose `weight` starts at a time of the segment."""
+    return _block_at(time, block)
+
+
+@kernel(forceinline=True)
+def block_in(weights, j, block):
+    """The block with the weight of segment j, by an array (m, 3) of the fields of `Weight`."""
+    return _block_in(weights, j, block)
+
+
+@kernel(inline="always")
 def slender_acceleration(u, side, force, _block):
     return u - 1.0 + side * force
 
@@ -147,7 +215,7 @@ def slender_acceleration(u, side, force, _block):
 @kernel(inline="always")
 def _exact_acceleration(u, side, force, block):
     phi = block.critical_angle * (saddle(side, block) - u)
-    pull = side * force * math.cos(phi) - math.sin(phi) / block.critical_angle
+    pull = side * force * math.cos(phi) - weight_of(block).start * math.sin(phi) / block.critical_angle
     return acceleration_scale(side, block) * pull
 
 
@@ -169,7 +237,7 @@ def _slender_acceleration_gradient(_u, _side, _force, _block):
 @kernel(inline="always")
 def _exact_acceleration_gradient(u, side, force, block):
     phi = block.critical_angle * (saddle(side, block) - u)
-    gradient = math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
+    gradient = weight_of(block).start * math.cos(phi) + side * force * block.critical_angle * math.sin(phi)
     return acceleration_scale(side, block) * gradient
 
 
@@ -198,6 +266,10 @@ def _exact_acceleration_bounds(side, low, high, block):
     if side < 0:
         low, high = -high, -low
     weakest, strongest = min(low, low * least), max(high, high * least)
+    sway = weight_of(block).sway
+    if sway != 0.0:
+        change = sway * max(math.sin(begin), abs(math.sin(over))) / alpha
+        weakest, strongest = weakest - change, strongest + change
     return scale * (math.sin(begin) / alpha - weakest), scale * (math.sin(over) / alpha + strongest)
 
 
@@ -208,7 +280,7 @@ force_factor = dispatch_on_block(_slender_force_factor, _exact_force_factor)
 acceleration_gradient = dispatch_on_block(_slender_acceleration_gradient, _exact_acceleration_gradient)
 """Derivative of u'' by u."""
 lift_off_level = dispatch_on_block(_slender_lift_off_level, _exact_lift_off_level)
-"""Largest s f under which a block at rest stays."""
+"""Largest s f, over the weight, under which a block at rest stays."""
 acceleration_bounds = dispatch_on_block(slender_acceleration_bounds, _exact_acceleration_bounds)
 """(fall, rise): bounds of -u'' and of u'' from x = 0 to the cut-off, for a force from `low` to `high`."""
 

@@ -17,10 +17,12 @@ from fpk_rocking.base.arrays import scratch
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion.equation import (
     acceleration_bounds,
+    block_at,
     least_closing_time,
     lift_off_level,
     restitution_from,
     value_and_slope,
+    weight_of,
 )
 from fpk_rocking.physics.motion.flight import SERIES, flight_state, outward_time, start_flight
 from fpk_rocking.physics.motion.impact import chatter_time, velocity_after_impact
@@ -104,7 +106,8 @@ def next_event(x, v, side, segment, start, end, block):
 @kernel(inline="always")
 def can_lift_off(low, high, block):
     """Whether a force from `low` to `high` may lift off a block at rest."""
-    return high >= lift_off_level(1, block) or -low >= lift_off_level(-1, block)
+    least = 1.0 - weight_of(block).sway
+    return high >= least * lift_off_level(1, block) or -low >= least * lift_off_level(-1, block)
 
 
 @kernel
@@ -134,19 +137,21 @@ def folded_angle_bounds(u, w, side, low, high, span, block):
 def lift_off_time(segment, start, end, block):
     """(time, side) at which a block at rest lifts off in [start, end]; else (end, 0).
 
-    |f| must pass its level by more than a margin, a thousand times the rounding of f: the block then surely leaves, and
-    whoever asks again at the same time gets the same answer. The march heads for twice the margin, so its steps cannot
-    dwindle to nothing.
+    |f| must pass its level, times the weight, by more than a margin, a thousand times the rounding of f: the block then
+    surely leaves, and whoever asks again at the same time gets the same answer. The march heads for twice the margin,
+    so its steps cannot dwindle to nothing.
     """
     margin = 1e-12 * max(1.0, -segment.force_low, segment.force_high)
     left, right = lift_off_level(-1, block), lift_off_level(1, block)
     t = start
     while t < end:
         force, slope = value_and_slope(segment.force, t)
-        if force > right + margin or -force > left + margin:
+        weight = weight_of(block_at(t, block))
+        if force > weight.start * right + margin or -force > weight.start * left + margin:
             return t, (1 if force > 0.0 else -1)
-        below = least_closing_time(left + 2.0 * margin + force, slope, segment.force_curvature)
-        above = least_closing_time(right + 2.0 * margin - force, -slope, segment.force_curvature)
+        below, above = weight.start * left + 2.0 * margin + force, weight.start * right + 2.0 * margin - force
+        below = least_closing_time(below, slope + weight.slope * left, segment.force_curvature)
+        above = least_closing_time(above, weight.slope * right - slope, segment.force_curvature)
         t += min(below, above)
     return end, 0
 
@@ -158,11 +163,12 @@ def rest_or_flight(speed, side, segment, time, block, slow=CHATTER_TIME):
     Chatter is summed, as a delay, where it ends within the time `slow` under a force that changes by less than a
     hundredth of its distance to lift-off. Speeds below `SPEED_FLOOR` are dropped: (0, 0.0). Rest may end at once.
     """
-    force, slope = value_and_slope(segment.force, time)
-    gap = min(lift_off_level(1, block) - force, lift_off_level(-1, block) + force)
+    (force, slope), block = value_and_slope(segment.force, time), block_at(time, block)
+    weight = weight_of(block)
+    gap = min(weight.start * lift_off_level(1, block) - force, weight.start * lift_off_level(-1, block) + force)
     if gap > 0.0:
         delay = chatter_time(speed, side, force, block)
-        if delay <= slow and abs(slope) * delay <= 0.01 * gap:
+        if delay <= slow and (abs(slope) + abs(weight.slope)) * delay <= 0.01 * gap:
             return 0, delay
     return (side if speed >= SPEED_FLOOR else 0), 0.0
 

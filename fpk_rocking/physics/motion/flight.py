@@ -1,9 +1,9 @@
 """Flights of a block between events: in closed form for a slender block, by Taylor series for an exact one.
 
 A slender block has y = x - s - P with y'' = y, a growing and a decaying exponential (derived in docs/theory). For an
-exact block the force over a segment is a polynomial, and the series of the angle about any time in it follows from
-three Cauchy products an order: (sin φ)' = φ' cos φ, (cos φ)' = -φ' sin φ and the equation itself. It is used for as
-long as its last terms are below rounding, and then made anew.
+exact block the force over a segment is a polynomial, its weight is linear, and the series of the angle about any time
+in it follows from three Cauchy products an order: (sin φ)' = φ' cos φ, (cos φ)' = -φ' sin φ and the equation itself. It
+is used for as long as its last terms are below rounding, and then made anew.
 
 `start_flight`, `flight_state` and `outward_time` march through a flight in search of events; `flight_end` goes straight
 to its end. Times count from the segment's start. The last functions have the covariance that white noise gathers in a
@@ -20,6 +20,7 @@ from fpk_rocking.base.jit import kernel
 from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
     acceleration_scale,
+    block_at,
     dispatch_on_block,
     least_closing_time,
     move_origin,
@@ -27,6 +28,7 @@ from fpk_rocking.physics.motion.equation import (
     slender_acceleration,
     slender_acceleration_bounds,
     value_and_slope,
+    weight_of,
 )
 
 # Arguments with an underscore are there for the other form.
@@ -120,8 +122,9 @@ def flight_series(u, w, side, force, t, span, block, work):
     move_origin(force, t, push)
     phi, scale = alpha * (saddle(side, block) - u), acceleration_scale(side, block)
     angle[0], angle[1], sine[0], cosine[0] = u, w, math.sin(phi), math.cos(phi)
-    size, power, before, weight = max(1.0, abs(u)), span * span, math.inf, 1.0 / alpha
-    angle[2] = scale * (0.5 * (side * push[0] * cosine[0] - weight * sine[0]))
+    size, power, before, weight = max(1.0, abs(u)), span * span, math.inf, weight_of(block_at(t, block))
+    pull, growth = weight.start / alpha, weight.slope / alpha
+    angle[2] = scale * (0.5 * (side * push[0] * cosine[0] - pull * sine[0]))
     for k in range(1, TERMS - 2):
         s, c, total = 0.0, 0.0, 0.0
         for i in range(1, k + 1):
@@ -132,7 +135,10 @@ def flight_series(u, w, side, force, t, span, block, work):
         share = alpha * _RECIPROCALS[k]
         sine[k], cosine[k] = share * s, share * c
         total += push[0] * cosine[k]
-        angle[k + 2] = scale * (side * total - weight * sine[k]) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
+        fall = pull * sine[k]
+        if weight.slope != 0.0:
+            fall += growth * sine[k - 1]
+        angle[k + 2] = scale * (side * total - fall) * (_RECIPROCALS[k + 1] * _RECIPROCALS[k + 2])
         power *= span
         term = abs(angle[k + 2]) * power
         if before + term < 1e-18 * size:  # those that follow are far below rounding

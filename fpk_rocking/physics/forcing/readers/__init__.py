@@ -1,6 +1,7 @@
 """Readers of recorded motions: a module for each family of files, chosen by what a file says and not by its name."""
 
 import codecs
+import dataclasses
 import gzip
 import pathlib
 import re
@@ -26,6 +27,9 @@ from fpk_rocking.physics.forcing.readers.components import ACCEPTED, MOST, Compo
 FAMILIES: list[Any] = [peer, knet, dyna, cosmos, geonet, smc, volumes, asa, shake, columns]
 """Modules with NAME, ``recognized(lines)`` and ``components(lines)``; the first that recognizes a file reads it."""
 
+VERTICAL = "vertical component"
+"""What the name of a file may say of a motion, see `said_by_name`."""
+
 _LARGEST = 64 * MOST
 
 
@@ -37,16 +41,22 @@ class Reading(NamedTuple):
     components: list[Component]
     unnamed: bool = False
 
-    def chosen(self, component: str | int | None = None, *, if_several: bool = False) -> Component:
+    def chosen(
+        self, component: str | int | None = None, *, if_several: bool = False, upright: bool = False
+    ) -> Component:
         """Return the `Component` that has a name or a number from 1, or the only one; else ValueError.
 
-        With `if_several` the name counts only where more than one can be read.
+        With `if_several` the name counts only where more than one can be read. It is a horizontal one, `upright` the
+        vertical one.
         """
         try:
             said = said_by_name(self)
-            if said:
+            if said and not (upright and said == VERTICAL):
                 raise ReadingError(f"a {said}, as the name of the file says", ACCEPTED)
-            return chosen(self.components, component, if_several=if_several)
+            found = self.components
+            if upright:
+                found = [dataclasses.replace(one, upright=True) for one in found]
+            return chosen(found, component, if_several=if_several)
         except ReadingError as error:
             raise ValueError(f"forcing.file: {str(self.path)!r}: {error}") from error
 
@@ -129,4 +139,4 @@ def said_by_name(found: Reading) -> str:
     last = words[-1].upper()
     ends = re.fullmatch(r"ud\d?|z", suffix) or (len(words) > 1 and re.fullmatch(r"UP|UD\d?|[UZV]|VERT\w*|DW?N", last))
     vertical = ends or any(re.fullmatch(r"[A-Z][NLG]Z", word) for word in words)
-    return "vertical component" if vertical and len(found.components) == 1 else ""
+    return VERTICAL if vertical and len(found.components) == 1 else ""

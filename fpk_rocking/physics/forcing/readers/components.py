@@ -53,6 +53,8 @@ class Component:
         Peak that the file states, in `unit`; nan where it states none.
     event : str
         Event, date and station; at most 200 characters that a terminal shows are kept.
+    upright : bool
+        Whether the vertical component is wanted, and not a horizontal one.
     """
 
     name: str
@@ -64,6 +66,17 @@ class Component:
     notes: tuple[str, ...] = ()
     peak: float = math.nan
     event: str = ""
+    upright: bool = False
+
+    @property
+    def is_vertical(self) -> bool:
+        """Whether the file says that it is a vertical component, by its name or otherwise."""
+        return self.vertical or terms.is_vertical(self.name)
+
+    @property
+    def downward(self) -> bool:
+        """Whether its name says that downwards is positive."""
+        return terms.is_downward(self.name)
 
     def __post_init__(self):
         shown = "".join(letter if letter.isprintable() else " " for letter in self.event)
@@ -90,8 +103,11 @@ class Component:
         units = ", ".join(terms.UNITS)
         if self.quantity not in ("acceleration", ""):
             return ReadingError(f"a {self.quantity}{named}".replace("a counts", "raw counts"), ACCEPTED)
-        if self.vertical or terms.is_vertical(self.name):
-            return ReadingError(f"the vertical component{named}", "a horizontal one, as the base moves horizontally")
+        if self.upright:
+            if not self.is_vertical and (self.azimuth is not None or terms.is_horizontal(self.name)):
+                return ReadingError(f"the horizontal component{named}", "the vertical one")
+        elif self.is_vertical:
+            return ReadingError(f"the vertical component{named}", "a horizontal one (the vertical one is `vertical`)")
         if other:
             return ReadingError(f"the unit {self.unit!r} of a {other}{named}", f"an acceleration in {units}")
         if self.unit and self.unit not in terms.UNITS:
@@ -120,6 +136,7 @@ def chosen(components: Sequence[Component], wanted: str | int | None, *, if_seve
     With `if_several` what is wanted counts only where more than one can be read.
     """
     usable = [component for component in components if component.quantity and not component.objection]
+    usable = [component for component in usable if component.upright and component.is_vertical] or usable
     listed = "; ".join(f"{number} {component.description}" for number, component in enumerate(components, 1))
     if wanted is None or (if_several and len(usable) == 1):
         if len(usable) == 1:

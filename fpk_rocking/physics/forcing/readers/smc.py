@@ -32,6 +32,7 @@ def components(lines: list[str]) -> list[Component]:
     if not 1.0 <= rate < 1e5:
         raise ReadingError(f"the sampling rate {rate:g}", "samples in a second")
     name, vertical = f"{azimuth} Deg" if 0 <= azimuth <= 360 else "", inclination in (0, 180)
+    name = "DOWN" if inclination == 180 else name
     # What a kind 0 is, is for the user to say.
     unit, quantity = ("", "") if kind else ("cm/s2", "acceleration")
     peak = headers.peak(lines[:11])

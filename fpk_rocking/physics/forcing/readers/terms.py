@@ -28,6 +28,8 @@ _QUANTITIES = {
 }
 
 _VERTICAL = re.compile(r"UP|DN|DOWN|DWN|V\d?|VER|VERT|VERTICAL|VRT|\d*UD\d?|U|Z|[A-Z]{2}Z\d{0,2}|400|401")
+_DOWN = re.compile(r"DN|DOWN|DWN|401")
+_HORIZONTAL = re.compile(r"[HXYLT]\d?|F[NP]|LONG\w*|TRAN\w*|(?:[A-Z]{2})?(?:N-?S|E-?W|[NE12])\d?")
 
 SEISMOMETER = re.compile(r"[A-Z]H[NEZ123]")
 """SEED's name of a channel that records a velocity; of an accelerometer the second letter is N, L or G."""
@@ -68,6 +70,19 @@ def quantity_of(text: str) -> str:
 
 def is_vertical(name: str) -> bool:
     """Whether a component's name, such as "UP", "acc_UD (gal)" or "BHZ00", is that of a vertical one."""
-    words = re.sub(r"[(\[].*?[)\]]", " ", name.upper())
-    parts = re.split(r"[^A-Z0-9]+", words)
-    return any(map(_VERTICAL.fullmatch, parts)) or words.strip() == "U-D"
+    return any(map(_VERTICAL.fullmatch, _parts(name))) or _parts(name) == ["U", "D"]
+
+
+def is_downward(name: str) -> bool:
+    """Whether a component's name, such as "DWN", says that downwards is positive."""
+    return any(map(_DOWN.fullmatch, _parts(name)))
+
+
+def is_horizontal(name: str) -> bool:
+    """Whether a component's name, such as "H1" or "FN", is that of a horizontal one."""
+    return any(map(_HORIZONTAL.fullmatch, _parts(name)))
+
+
+def _parts(name):
+    """Words of a component's name in capitals, without what stands in brackets."""
+    return re.findall(r"[A-Z0-9]+", re.sub(r"[(\[].*?[)\]]", " ", name.upper()))

@@ -52,6 +52,8 @@ def _component(trace, form):
         quantity = "seismometer's velocity"
     if trace.data.dtype.kind in "iu" and not calibrated:
         quantity = "counts"
-    vertical = channel[-1:] in ("Z", "U", "V") or float(sac.get("cmpinc", 90.0)) in (0.0, 180.0)
+    inclination = float(sac.get("cmpinc", 90.0))
+    vertical = channel[-1:] in ("Z", "U", "V") or inclination in (0.0, 180.0)
     name, unit = f"channel {channel}" if channel.isdecimal() else channel, "m/s2" * calibrated
+    name += " DOWN" * (inclination == 180.0)
     return Component(name, samples, float(about.delta), unit, quantity, vertical, event=trace.id)
