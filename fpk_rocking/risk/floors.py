@@ -27,7 +27,7 @@ class FloorMotion(Record):
 
     Parameters
     ----------
-    interval, samples, units, scale, source, baseline, corner_hz, event, note
+    interval, samples, units, scale, source, baseline, corner_hz, event, note, vertical
         Of the floor, see `Record`; scale and baseline are those of the ground too.
     ground : sequence of float
         Accelerations of the ground at the same time, before `scale`.
