@@ -138,11 +138,18 @@ class Evolution(SurvivalResult):
     def total_error(self) -> Array | None:
         """Total errors of survival, overturned left and right, shape (cycles + 1, 3).
 
-        The solver's estimate where the noise was solved as it is, else `Replacement.total`; None where not `checked`.
+        The solver's estimate where the noise was solved as it is. Else `Replacement.total` where that was `checked`,
+        the solver's estimate and that of a replacement chosen by "auto", or None.
         """
         if self.replacement is not None:
             return self.replacement.total(self.error_estimate)
-        return None if self.noise_replacement else np.full((len(self.times), 3), self.error_estimate)
+        neglected = self.neglected_error
+        return None if neglected is None else np.full((len(self.times), 3), self.error_estimate + neglected)
+
+    @property
+    def neglected_error(self) -> float | None:
+        """Estimated error by the replacement of the noise: 0.0 where none was replaced, None where it is not known."""
+        return self.settings.get("replacement", {}).get("error") if self.noise_replacement else 0.0
 
     @property
     def title(self) -> str:
@@ -158,25 +165,31 @@ class Evolution(SurvivalResult):
         if not self.noise_replacement:
             return text
         if self.replacement is None:
-            return f"{text}, replacement of the noise: not checked"
+            if self.neglected_error is None:
+                return f"{text}, replacement of the noise: not checked"
+            total = not_none(self.total_error)[-1, 0]
+            return f"{text}, ± {self.neglected_error:.1g} (replacement of the noise, estimated), total ± {total:.1g}"
         change, error = -self.replacement.difference[-1, 0], self.replacement.sampling_error[-1, 0]
         total = not_none(self.total_error)[-1, 0]
         return f"{text}, replacement of the noise: {change:+z.4f} ± {error:#.2g}, total ± {total:#.2g}"
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return the diagnostics beside those of errors: of the model, unchecked noise, unresolved rest."""
-        return scene_diagnostics(self.scene, "" if self.replacement else self.noise_replacement, self.unresolved)
+        known = self.replacement or self.neglected_error is not None
+        return scene_diagnostics(self.scene, "" if known else self.noise_replacement, self.unresolved)
 
     @property
     def error_figures(self) -> dict[str, Any]:
-        """Error figures by name, with the total error where the replacement of the noise was checked."""
+        """Error figures by name, with the total error where noise was replaced and that was checked or estimated."""
         figures = super().error_figures
-        return figures if self.replacement else {name: figures[name] for name in figures if name != "total_error"}
+        if self.noise_replacement and self.total_error is not None:
+            return figures
+        return {name: figures[name] for name in figures if name != "total_error"}
 
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences: about the scene, the noise and its check, and what is not to be trusted."""
-        check = check_remarks(self) if self.replacement else ()
+        check = check_remarks(self) if self.replacement else filter(None, [self._choice_text])
         own = self.unjudged, self.parted, self.below_zero
         return tuple(dict.fromkeys(filter(None, (*super().remarks, *own, *check))))
 
@@ -190,6 +203,16 @@ class Evolution(SurvivalResult):
             f"Bins with an edge at angle 0 or velocity 0 may be off by {off:.2g} in all (L1): on which side, and in "
             "which direction, a block at rest rattles is not resolved. Bins that hold rest whole are not affected."
         )
+
+    @property
+    def _choice_text(self):
+        """Why the replacement of the noise was chosen, as sentences; empty where it was asked for by name."""
+        chosen = self.settings.get("replacement", {})
+        if not chosen:
+            return ""
+        choice, scatter = chosen["choice"], chosen.get("scatter")
+        mean = f" The density is a mean over realizations whose strengths scatter by {scatter:.2g}." if scatter else ""
+        return f"{choice[0].upper()}{choice[1:]}.{mean}"
 
     @property
     def below_zero(self) -> str:

@@ -16,6 +16,14 @@ from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import REST, FilteredPropagator
 from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
+from fpk_rocking.density.replacing import (
+    REPLACEMENTS,
+    UNCERTAIN_PART,
+    choose,
+    replaced_scene,
+    scatter_of_strength,
+    strengths,
+)
 from fpk_rocking.density.resolution import (
     RESOLUTIONS,
     USUAL,
@@ -38,7 +46,7 @@ from fpk_rocking.physics.motion import CRITICAL_RESTITUTION
 from fpk_rocking.physics.noise.equivalence import equivalent_diffusion
 from fpk_rocking.results.remarks import describe_replacement
 from fpk_rocking.scene import ranges
-from fpk_rocking.scene.axes import result_times
+from fpk_rocking.scene.axes import result_times, times_in_cycles
 from fpk_rocking.scene.least import KINDS, kind_of, least_scenes
 from fpk_rocking.scene.scene import Scene
 
@@ -78,9 +86,11 @@ def solve_fpk(
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
         With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the
         verdict only.
-    noise_replacement : {"white", "filtered"}
+    noise_replacement : {"white", "exponential", "filtered", "auto"}
         What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
-        low-pass noise of equal variance and Melnikov variance, under which blocks do.
+        exponential or low-pass noise of equal variance and Melnikov variance, under which blocks do. "auto" takes the
+        fastest of these whose estimated error is within `tol`, else the most accurate, and averages over the strengths
+        of realizations of independent harmonics (`density.replacing`).
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows with every refinement.
 
@@ -108,7 +118,7 @@ def solve_fpk(
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times, samples_per_cycle)
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
-    replaced = _with_noise_replaced(scene, noise_replacement)
+    replaced, choice = _with_noise_replaced(scene, noise_replacement, times, tol)
     advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"
     # Meshes, steps and thresholds go by D: it is that of the noise at its peak.
     white = _at_unit_peak(replaced.white_equivalent())
@@ -142,6 +152,11 @@ def solve_fpk(
 
     fine = refined.solutions[-1]
     propagator = fine.propagator
+    neglected = {} if choice is None else {"choice": choice.reason, "errors": choice.errors, "error": choice.error}
+    scatter = 0.0 if choice is None else scatter_of_strength(scene)
+    if scatter:
+        fine, changed = _over_strengths(fine, _at_unit_peak(scene.white_equivalent()), scatter, tol, times)
+        neglected |= {"scatter": scatter, "error": choice.error + UNCERTAIN_PART * changed}
     at_rest = fine.at_rest
     unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
     result = Evolution(
@@ -164,7 +179,8 @@ def solve_fpk(
         settings=propagator.discretization.settings
         | {"unknowns": propagator.space.unknowns, "velocity_bound": float(propagator.space.velocity_lines[-1])}
         | {"bins_tol": judged_by}
-        | ({"unresolved": unresolved} if unresolved else {}),
+        | ({"unresolved": unresolved} if unresolved else {})
+        | ({"replacement": neglected} if neglected else {}),
         coefficients=fine.coefficients,
         angle_lines=propagator.space.angle_lines,
         velocity_lines=propagator.space.velocity_lines,
@@ -199,21 +215,60 @@ def _tolerances(scene, tol, bins_tol):
     return tol, bins_tol, bins_tol
 
 
-def _with_noise_replaced(scene, noise_replacement):
-    """Return the scene to solve, with white or filtered noise: band noise is replaced, other scenes refused."""
-    accepted = "'white' or 'filtered'"
+def _with_noise_replaced(scene, noise_replacement, times, tol):
+    """Return the scene to solve, with white or filtered noise, and the `Choice` of a replacement, None if not asked."""
+    accepted = "'white', 'exponential', 'filtered' or 'auto'"
     if not isinstance(noise_replacement, str):
         raise TypeError(checks.refusal("noise_replacement", noise_replacement, accepted))
-    if noise_replacement not in ("white", "filtered"):
+    if noise_replacement not in (*REPLACEMENTS, "auto"):
         raise ValueError(checks.refusal("noise_replacement", noise_replacement, accepted))
-    if scene.noise.kind != "filtered":
-        scene = scene.filtered_equivalent() if noise_replacement == "filtered" else scene.white_equivalent()
+    chosen = noise_replacement == "auto" and scene.repeats and scene.noise.kind == "band" and scene.noise.variance > 0.0
+    if not chosen:
+        replaced = replaced_scene(scene, "white" if noise_replacement == "auto" else noise_replacement)
+        _refuse(replaced)
+        return replaced, None
+    choice = choose(scene, tol, lambda white: _solve_coarsely(white, round(times[-1] / white.period)), _refuse)
+    return choice.scene, choice
+
+
+def _refuse(scene):
+    """Raise ValueError for a scene, with white or filtered noise, that cannot be solved."""
     if scene.noise.kind == "filtered" and not scene.repeats:
         accepted = "'white', or 'band' with the default replacement, as this scene does not repeat; or use Monte Carlo"
         raise ValueError(checks.refusal("noise.kind", scene.noise.kind, accepted))
     refuse_unsolvable(scene)
     refuse_slow(scene)
-    return scene
+
+
+def _solve_coarsely(white, cycles):
+    """Return (quantity, part next to rest) of a scene with white noise, at four times a cycle on the coarsest mesh.
+
+    The quantity is survival, overturned left and right, (rows, 3); the part is the largest from the first cycle on.
+    """
+    times = times_in_cycles(white, cycles, 4)
+    motion = explore(white, times)
+    (mesh,) = _discretizations(white, white, motion, RESOLUTIONS[:1])
+    solution = _solve(white, mesh, max(USUAL), times, motion.edges, None, None)
+    resting = near_rest(solution.propagator.space, solution.coefficients, white.start)
+    return solution.quantity, float(resting[4:].max())
+
+
+def _over_strengths(solution, white, scatter, tol, times):
+    """Return a `Solution` that is a mean over strengths of the noise, of a relative `scatter`, and what that changed.
+
+    The change is that of densities under white noise on the same mesh.
+    """
+    discretization = solution.propagator.discretization
+    plane = getattr(discretization, "plane", discretization)
+    change = 0.0
+    for strength, weight in strengths(scatter):
+        scene = white.varied(noise=dataclasses.replace(white.noise, diffusion=strength * white.noise.diffusion))
+        part = _solve(scene, plane, tol, times, solution.edges, None, None)
+        change = change + weight * part.quantity
+        solution.coefficients += weight * part.coefficients
+        solution.outflow += weight * part.outflow
+        solution.survival += weight * part.survival
+    return solution, float(np.abs(change).max())
 
 
 def _at_unit_peak(white):

@@ -134,11 +134,16 @@ class Scene:
         diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
         return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
-    def filtered_equivalent(self) -> Self:
-        """Return the same scene with low-pass noise in place of band noise.
+    def filtered_equivalent(self, states: int = 2) -> Self:
+        """Return the same scene with low-pass or exponential noise in place of band noise.
 
-        The low-pass noise, of damping ζ = 1/√2, has the variance and the Melnikov variance of the band noise. Unlike
-        white noise it lets a block rest. A scene with filtered noise is returned as it is.
+        It has the variance and the Melnikov variance of the band noise. Unlike white noise it lets a block rest. A
+        scene with filtered noise is returned as it is.
+
+        Parameters
+        ----------
+        states : int
+            2, of low-pass noise of damping ζ = 1/√2, or 1, of exponential noise.
 
         Raises
         ------
@@ -147,20 +152,22 @@ class Scene:
             Melnikov variance.
         """
         noise = self.noise
+        checks.count("states", states, at_most=2)
         if noise.kind == "filtered":
             return self
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
         self.block.require_symmetric(*_EQUAL_SIDES)
         ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
-        frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle)
+        frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle, states=states)
         if frequency is None:
             accepted = (
                 "a band that low-pass noise can replace; none has this Melnikov variance, "
                 f"{ratio!r} times the variance: the frequencies are all close to 0, or all very high"
             )
             raise ValueError(checks.refusal("noise.band", noise.band, accepted))
-        filtered = FilteredNoise("low-pass", noise.variance, frequency, BUTTERWORTH, noise.envelope)
+        named = ("exponential", None) if states == 1 else ("low-pass", BUTTERWORTH)
+        filtered = FilteredNoise(named[0], noise.variance, frequency, named[1], noise.envelope)
         return dataclasses.replace(self, noise=filtered)
 
     @classmethod

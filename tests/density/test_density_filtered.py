@@ -182,7 +182,9 @@ def test_a_band_may_be_solved_as_filtered_noise(monkeypatch):
     with pytest.raises(ZeroDivisionError):
         solve_fpk(band, cycles=1, tol=1e-2, noise_replacement="filtered")
     assert seen == [band.filtered_equivalent().noise]
-    with pytest.raises(ValueError, match="noise_replacement: got 'pink', accepted: 'white' or 'filtered'"):
+    with pytest.raises(
+        ValueError, match="noise_replacement: got 'pink', accepted: 'white', 'exponential', 'filtered' or 'auto'"
+    ):
         solve_fpk(band, cycles=1, noise_replacement="pink")
 
 

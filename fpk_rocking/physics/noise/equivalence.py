@@ -145,6 +145,24 @@ def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0
     return ((1.0 + e) ** 2 + (1.0 - e) ** 2 * square) / ((1.0 + e * e) * (1.0 + square) ** 2)
 
 
+def forgetful_diffusion(noise: Noise) -> float:
+    """Diffusion of the white noise as strong as a noise for a block that an impact lets forget its flight before.
+
+    Such a block has the `response` of e = 0, 1/(1+ω²) if it is slender, for which this is derived.
+
+    Parameters
+    ----------
+    noise : BandNoise, WhiteNoise or FilteredNoise
+    """
+    _check(noise)
+    if noise.kind == "white":
+        return noise.diffusion
+    if noise.kind == "filtered":
+        return noise.variance * noise.space.inward_variance
+    low, high = _band(noise).band
+    return noise.variance * math.atan2(high - low, 1.0 + low * high) / (high - low)
+
+
 def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
     """Relative scatter between realizations of band noise: standard deviation over mean of their equivalent diffusions.
 

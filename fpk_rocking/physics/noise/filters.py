@@ -212,18 +212,20 @@ FILTERS = {
 """Filters by their name in a scene."""
 
 
-def low_pass_frequency(ratio: float, damping: float = BUTTERWORTH, critical_angle: float = 0.0) -> float | None:
+def low_pass_frequency(
+    ratio: float, damping: float = BUTTERWORTH, critical_angle: float = 0.0, states: int = 2
+) -> float | None:
     """Angular frequency ω of the low-pass filter whose noise has a given `ratio` σ_M²/σ²; None where none is found.
 
-    σ_M², the Melnikov variance, falls from 4 (sin α/α)² to 0 as ω grows, so there is one ω; those from 1e-8 to 1e8 are
-    searched. α is the critical angle.
+    With one of the `states` it is that of exponential noise. σ_M², the Melnikov variance, falls from 4 (sin α/α)² to 0
+    as ω grows, so there is one ω; those from 1e-8 to 1e8 are searched. α is the critical angle.
     """
     from scipy.optimize import brentq
 
     terms = melnikov_kernel(critical_angle)
 
     def excess(power):
-        return _low_pass(math.exp(power), damping).variance_along(*terms) - ratio
+        return (_low_pass if states == 2 else _exponential)(math.exp(power), damping).variance_along(*terms) - ratio
 
     low, high = math.log(1e-8), math.log(1e8)
     if not excess(low) > 0.0 > excess(high):
