@@ -30,7 +30,7 @@ def main():
         inside = cycle < len(figure["density"]["survival"])
         density = figure["density"]["survival"][cycle] if inside else np.nan
         cells = [survival[cycle], error[cycle], other[cycle]]
-        cells += [figure["rk4"]["survival"][cycle], density, survival[cycle] - density] if inside else []
+        cells += [figure["paths"]["survival"][cycle], density, survival[cycle] - density] if inside else []
         rows.append([cycle, *(f"{cell:.5f}" for cell in cells), *["-"] * (6 - len(cells))])
     distance = (other - survival)[20] / np.hypot(error[20], np.sqrt(other[20] * (1.0 - other[20]) / size))
     # The last class is what stands in the end.
@@ -43,7 +43,7 @@ def main():
 
 The independent program's sample in `tests/data` has {other[20]:.4f}, {distance:+.1f} standard errors from it. Over the
 cycles in which the blocks overturn, up to 40, the two samples agree: p = {p:.2f} by a chi-square test. So this distance
-is by chance. Fig. 6 is that of the gallery (`rk4`); its density has white noise in place of the band.
+is by chance. Fig. 6 is that of the gallery; its density has filtered noise in place of the band.
 
 {table(head, rows)}
 """,

@@ -1,7 +1,7 @@
 """Look around in a density, with a slider.
 
     python cases/view.py results/fig06
-    python cases/view.py results/fig06 --series jpdf_rk4
+    python cases/view.py results/fig06 --series jpdf_paths
     python cases/view.py results/fig06 --cycle 4 --screenshot density.png
 
 The surface goes through the mean densities over the elements of the mesh (the bins, for an ensemble), in angle and

@@ -227,7 +227,7 @@ def _draw_surface(axes, result, cycle, surface, highest):
     cut_off, bound = scene.overturning.angle, surface[1].max()
     axes.patch.set_visible(False)
     axes.set(xlim=(-cut_off, cut_off), ylim=(-bound, bound), zlim=(0.0, highest))
-    axes.set_box_aspect((1.3, 1.3, 0.8), zoom=1.12)
+    axes.set_box_aspect((1.3, 1.3, 0.8), zoom=1.08)
     point_start = cycle == 0 and scene.start.covariance is None
     if not point_start:
         # The root brings out the low parts, which hold most of the probability.
@@ -238,7 +238,7 @@ def _draw_surface(axes, result, cycle, surface, highest):
         # The figure stands where no tick of the axes does: on the left wall in front, on the right wall half way.
         _draw_wall(axes, x, bound, probability * highest, f"{probability:z.3f}", -bound if x < 0.0 else -0.2 * bound)
     when = "start" if row == 0 else result.when(row).removeprefix("after ")
-    axes.set_title(f"{when}: survival {result.survival[row]:.3f}", y=0.93, pad=0)
+    axes.set_title(f"{when}: survival {result.survival[row]:.3f}", y=1.0, pad=0)
     axes.set_xlabel("angle Θ", labelpad=-6)
     axes.set_ylabel("velocity dΘ/dτ", labelpad=-5)
     axes.set_zlabel("density", labelpad=-7)
@@ -270,10 +270,9 @@ def _draw_needle(axes, start, highest):
 
 
 def _surface_notes(results, columns):
-    """Lines below the surfaces: the scene, what is drawn, and what speaks against the results."""
+    """Lines below the surfaces: what is drawn, and what speaks against the results."""
     drawn = "Density: mean in 0.1 × 0.1. Walls: probability overturned to that side, full height = 1."
-    text = " ".join((scene_text(results[0].scene), drawn, *cautions(*results)))
-    return textwrap.wrap(text, 50 * columns)
+    return [line for text in (drawn, *cautions(*results)) for line in textwrap.wrap(text, 50 * columns)]
 
 
 def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[float], title: str) -> None:
