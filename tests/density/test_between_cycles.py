@@ -63,6 +63,7 @@ def test_densities_within_the_cycles_are_those_of_sampled_paths(between, paths):
         paths,
     )
     assert np.diff(between.survival).max() < 1e-6
+    assert np.diff(between.overturned, axis=0).min() > -1e-5
     assert between.mass_defect < 1e-12
 
 
