@@ -98,13 +98,13 @@ def look_inside(scene, resolution):
     run = FilteredPropagator(scene, grid, 1e-8)
     times, resting = [], []
 
-    each = run.nodes.weights.sum(axis=1)
+    each = run.rest_nodes.weights.sum(axis=1)
     for state in run.states(scene.period * np.arange(3), scene.start):
         if state.step < STEPS:
             continue
         times.append(state.step / STEPS - 1.0)
-        resting.append((state.at_rest.sum(axis=1) / each)[:: -1 if state.reflected else 1].tolist())
-    return {"noise": run.nodes.values.tolist(), "times": times, "resting": resting}
+        resting.append((run.masses_at_rest(state).sum(axis=1) / each)[:: -1 if state.reflected else 1].tolist())
+    return {"noise": (run.nodes.sigma * run.rest_nodes.values).tolist(), "times": times, "resting": resting}
 
 
 def draw(path, values):

@@ -2,17 +2,17 @@
 
 In a step the noise is piecewise constant: at every node a density of angle and velocity moves under the forcing and a
 constant, by the paths of a block without other noise. Between steps the filter's transition matrix exchanges mass
-between the nodes, exactly between Gauss-Hermite nodes and by cubic interpolation between equispaced ones
-(`filter_nodes`). So the noise is constant over each step and has, from step to step, the law of the filter.
+between the nodes, exactly (`filter_nodes`). So the noise is constant over each step and has, from step to step, the law
+of the filter.
 
 Blocks whose impacts accumulate while the force cannot lift them off come to rest at x = v = 0, a point mass of each
-node. It is re-injected, on the side of f, in the first step in which |f| passes the level of lift-off.
+place of a lattice of the states. It is re-injected, on the side of f, in the first step in which |f| passes the level
+of lift-off; of the interval of the noise in which the level is, the part beyond it is.
 
-A block that starts at rest stays in the mass at rest of its node; every other start is a `FilteredStart`.
+A block that starts at rest stays in the mass at rest; every other start is a `FilteredStart`.
 """
 
 import dataclasses
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -20,16 +20,14 @@ import numpy as np
 from fpk_rocking.base.checks import Array, not_none
 from fpk_rocking.base.jit import kernel
 from fpk_rocking.base.precompilation import Compilation
-from fpk_rocking.density.filter_nodes import (
-    Nodes,
-)
+from fpk_rocking.density.filter_nodes import Nodes, RestNodes
 from fpk_rocking.density.propagator import CyclicPropagator, PeriodicState, Solution
 from fpk_rocking.density.space import reflected
 from fpk_rocking.density.startup import FilteredStart, deposit_points
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.density.step.free_flight import angle_remap_of
-from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, mark_massive_cells, with_neighbours
-from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.density.step.step import Characteristics, Quadrature, Step, with_neighbours
+from fpk_rocking.density.sticking import density_at_rest
 from fpk_rocking.physics.forcing import periodic
 from fpk_rocking.physics.motion.equation import block_of_scene
 from fpk_rocking.physics.motion.events import advance_through_events
@@ -45,24 +43,12 @@ class FilteredPropagator(CyclicPropagator):
 
     def __init__(self, scene, discretization, negligible, coarse=None):
         begins = scene.period * discretization.time_grid
-        super().__init__(scene, discretization, discretization.plane, negligible, begins)
-        self.nodes = Nodes(scene.noise, discretization.nodes, discretization.spacing)
-        # Where the nodes have one spacing only near ones exchange mass: then each has cells of its own.
-        groups = len(self.nodes.values) if discretization.spacing else 1
-        self.active = np.repeat(self.active[:, None], groups, axis=1)
-        if coarse:
-            self._follow(coarse)
+        super().__init__(scene, discretization, discretization.plane, negligible, begins, coarse)
+        self.nodes = Nodes(scene.noise, discretization.nodes)
+        self.rest_nodes = RestNodes(self.nodes, discretization.rest_spacing)
         self.durations = np.diff(self.step_begins)
         self._transitions, self._lifted, self._parts = {}, {}, {}
         self.steps = [self._steps_at_nodes(k, duration) for k, duration in enumerate(self.durations)]
-
-    def _follow(self, coarse):
-        """Mark as active, for each step and node of the noise, the cells that a coarser propagator has active then."""
-        places = np.searchsorted(coarse.nodes.values, self.nodes.values)[: self.active.shape[1]]
-        for k, begin in enumerate(self.step_begins[:-1]):
-            cells = coarse.active_about(begin, self.space)
-            last = len(cells) - 1
-            self.active[k] = cells[np.clip(places - 1, 0, last)] | cells[np.clip(places, 0, last)]
 
     def _dynamics(self, constant):
         """Return the `Dynamics` of a block under the forcing plus a `constant` force, nondimensional, without noise."""
@@ -80,24 +66,19 @@ class FilteredPropagator(CyclicPropagator):
             for dynamics in each
         ]
 
-    @property
-    def node_error(self) -> float:
-        """Part of the blocks at rest after a cycle that the nodes may misplace, though all resolutions agree."""
-        if self.discretization.spacing is None:
-            return 0.0
-        level, sigma = self.scene.block.lift_off, self.nodes.sigma
-        force, weights = self.scene.forcing.value(0.0), self.nodes.weights.sum(axis=1)
-        stays = np.abs(force + self.nodes.values) <= level
-        below, above = (0.5 * math.erf((end - force) / (sigma * math.sqrt(2.0))) for end in (-level, level))
-        between = 0.5 * (weights[1:] + weights[:-1])[stays[1:] != stays[:-1]].sum()
-        misplaced = abs(weights[stays].sum() - (above - below)) + TUNING.unseen_between_nodes * between
-        return misplaced / (above - below)
-
     def _transition(self, time):
         """Matrix (nodes, nodes) that takes the masses of the nodes over a `time`; kept for the next cycle."""
-        key = round(time / self.scene.period, 12)
+        return self._kept(self.nodes, time)
+
+    def _resting(self, at_rest, time):
+        """Return the masses at rest after a `time` in which the noise alone changes."""
+        return (self._kept(self.rest_nodes, time) @ at_rest.ravel()).reshape(at_rest.shape)
+
+    def _kept(self, nodes, time):
+        """Return the transition matrix of some nodes over a `time`; it serves all cycles."""
+        key = nodes, round(time / self.scene.period, 12)
         if key not in self._transitions:
-            self._transitions[key] = self.nodes.transition_matrix(time)
+            self._transitions[key] = nodes.transition_matrix(time)
         return self._transitions[key]
 
     def _steps_about(self, time):
@@ -111,6 +92,7 @@ class FilteredPropagator(CyclicPropagator):
         """Return the `Solution`, as `Propagator.propagate`; the steps are dropped then, and `memory` set."""
         solution = super().propagate(times, progress, start)
         densities = 3 * 8 * self.nodes.weights.size * self.space.unknowns
+        densities += 3 * 8 * self.rest_nodes.weights.size**2
         shears = sum(part.nbytes for steps in self.steps for part in steps[0].angle_remap)
         paths = sum(step.nbytes for steps in self.steps for step in steps)
         self.memory, self.steps, self.buffers = self.buffers.nbytes + densities + shears + paths, [], None
@@ -121,18 +103,19 @@ class FilteredPropagator(CyclicPropagator):
         begin = FilteredStart(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
         shape = self.nodes.weights.shape
         if begin.at_rest:
-            density, at_rest = np.zeros((*shape, *self.space.shape)), self.nodes.weights.copy()
+            density, at_rest = np.zeros((*shape, *self.space.shape)), self.rest_nodes.weights.copy()
             return PeriodicState(0, 0.0, density, np.zeros(3), at_rest=at_rest, first=True)
         begins = np.array([self.time_of(k) for k in range(self.steps_per_cycle + 1)])
         first = begin.takeover_step(self.space, begins)
         density, outflow = begin.project(begins[first], self.space)
-        return PeriodicState(first, begins[first], density, outflow, at_rest=np.zeros(shape), first=True)
+        at_rest = np.zeros(self.rest_nodes.weights.shape)
+        return PeriodicState(first, begins[first], density, outflow, at_rest=at_rest, first=True)
 
     def early_state(self, start: Start, time: float) -> PeriodicState:
         """Return the `PeriodicState` at a `time` before the mesh takes the start over; it is narrower than cells."""
         begin = FilteredStart(dataclasses.replace(self.scene, start=start), self.nodes, self._dynamics(0.0))
         density, outflow = begin.project(time, self.space)
-        return PeriodicState(0, time, density, outflow, at_rest=np.zeros(self.nodes.weights.shape))
+        return PeriodicState(0, time, density, outflow, at_rest=np.zeros(self.rest_nodes.weights.shape))
 
     def _apply(self, k, state, duration=None):
         """Return (density, outflow, masses at rest) of a `PeriodicState` after step k, or a `duration` of it."""
@@ -145,7 +128,8 @@ class FilteredPropagator(CyclicPropagator):
                 self.steps.append(self._steps_at_nodes(k, duration))
         matrix = self._transition(0.5 * (duration + before))
         density = (matrix @ state.density.reshape(len(matrix), -1)).reshape(state.density.shape)
-        at_rest = (matrix @ state.at_rest.ravel()).reshape(state.at_rest.shape)
+        at_rest = state.at_rest if state.first else self._resting(state.at_rest, 0.5 * before)
+        at_rest = self._resting(at_rest, 0.5 * duration)
         return density, self._move(k, density, at_rest, number), at_rest
 
     def _move(self, k, density, at_rest, number=None):
@@ -153,58 +137,81 @@ class FilteredPropagator(CyclicPropagator):
 
         The outflow is that to the left, to the right, and what is truncated.
         """
-        number = k if number is None else number
-        self._activate(k, number, density)
-        outflow = np.zeros(3)
-        for a, step in enumerate(self.steps[number]):
-            lifted = at_rest[a].copy()
-            unit = self._lifted_off(number, a)
-            at_rest[a] *= unit is None
-            for b in range(at_rest.shape[1]):
+        steps = self.steps[k if number is None else number]
+        self._activate(k, steps, density)
+        outflow, rested = np.zeros(3), np.zeros(self.nodes.weights.shape)
+        for a, step in enumerate(steps):
+            for b in range(rested.shape[1]):
                 density[a, b], masses = step.apply(density[a, b])
                 outflow += masses[:3]
-                at_rest[a, b] += masses[3]
-            if unit:
-                cells, values, beyond = unit
-                density[a][:, *cells] += np.multiply.outer(lifted, values)
-                outflow += lifted.sum() * beyond
+                rested[a, b] = masses[3]
+        stays = np.ones(len(at_rest))
+        for place, part, value, (cells, values, beyond) in self._lifted_off(k, steps[0].characteristics.duration):
+            lifted = part * at_rest[place]
+            stays[place] -= part
+            density[:, :, *cells] += np.multiply.outer(self.rest_nodes.lifted(value, lifted), values)
+            outflow += lifted.sum() * beyond
+        at_rest *= stays[:, None]
+        at_rest += self.rest_nodes.rested(rested)
         return outflow
 
-    def _lifted_off(self, number, a):
-        """What a mass of 1 at rest becomes in a step at node a of y1, None where it stays; kept for all cycles."""
-        if (number, a) not in self._lifted:
-            x, v, side = self._from_rest(self.steps[number][a].characteristics)
-            unit = np.zeros(self.space.shape)
-            outflow = deposit_points(self.space, np.array([[x, v]]), np.ones(1), side, unit)
-            cells = np.nonzero(unit.any(axis=(2, 3)))
-            self._lifted[number, a] = (cells, unit[cells], outflow) if side else None
-        return self._lifted[number, a]
+    def _lifted_off(self, k, duration):
+        """List (place, part, value, unit) of what is lifted off from begin k on: part, y1, and what 1 becomes."""
+        if (k, duration) not in self._lifted:
+            begin, level, lifted = self.step_begins[k], self.scene.block.lift_off, []
+            factor = self.nodes.sigma * self.nodes.piecewise_constant_factor(duration)
+            forces = [self.scene.forcing.value(begin + part * duration) for part in np.linspace(0.0, 1.0, 17)]
+            right, left = (level - max(forces)) / factor, (-level - min(forces)) / factor
+            # What would leave to either side leaves to that on which it is lifted off first.
+            ranges = ((-np.inf, np.inf),) if right <= left else ((-np.inf, left), (right, np.inf))
+            for low, high in ranges:
+                for place, (part, value) in enumerate(zip(*self.rest_nodes.parts_between(low, high), strict=True)):
+                    unit = self._from_rest(begin, duration, factor * value) if part > 0.0 else None
+                    if unit:
+                        lifted.append((place, part, value, unit))
+            self._lifted[k, duration] = lifted
+        return self._lifted[k, duration]
 
-    def _from_rest(self, characteristics):
-        """Return (x, v, side), at the end of a step, of a block that is at rest at its begin; side ±1, or 0 at rest."""
-        segment = characteristics.dynamics.segment(characteristics.start, characteristics.duration)
-        return advance_from_rest(segment, characteristics.duration, characteristics.dynamics.block)
+    def _from_rest(self, begin, duration, constant):
+        """What a mass of 1 at rest becomes in a step under the forcing plus a `constant` force; None where it rests."""
+        dynamics = self._dynamics(constant)
+        x, v, side = advance_from_rest(dynamics.segment(begin, duration), duration, dynamics.block)
+        unit = np.zeros(self.space.shape)
+        outflow = deposit_points(self.space, np.array([[x, v]]), np.ones(1), side, unit)
+        cells = np.nonzero(unit.any(axis=(2, 3)))
+        return (cells, unit[cells], outflow) if side else None
 
-    def _activate(self, k, number, density):
-        """Activate the cells with more than a negligible mass in step k, at one of the nodes that share them."""
-        size = len(density) // self.active.shape[1]
-        for group, cells in enumerate(self.active[k]):
-            nodes, beyond = slice(group * size, (group + 1) * size), False
-            steps = self.steps[number][nodes]
-            for part in density[nodes].reshape(-1, *self.space.shape):
-                beyond |= mark_massive_cells(
-                    part, self.space.areas, self.negligible, steps[0].characteristics.active, cells
-                )
-            if beyond:
-                grown = with_neighbours(cells)
-                for step in steps:
-                    step.activate(grown)
+    def _activate(self, k, steps, density):
+        """Activate in the `steps` at all nodes the cells with more than a negligible mass in step k at one of them."""
+        largest = np.abs(density).max(axis=(0, 1, 4, 5)) * self.space.areas
+        self.active[k] |= largest > self.negligible
+        if (self.active[k] & ~steps[0].active).any():
+            grown = with_neighbours(self.active[k])
+            for step in steps:
+                step.activate(grown)
+
+    def masses_at_rest(self, state: PeriodicState) -> Array:
+        """Return the masses (places of y1, of y2) at rest at a state's time; those of a state are of its last middle.
+
+        What the noise lifts off in between is left out.
+        """
+        at_rest = not_none(state.at_rest)
+        if at_rest.any() and not state.first:
+            within = state.time - self.time_of(state.step)
+            last = within if within > 1e-12 else self.durations[state.step % len(self.active) - 1]
+            at_rest = self._resting(at_rest, 0.5 * last)
+        force, level = self.scene.forcing.value(state.time), self.scene.block.lift_off
+        ends = [(end - (-force if state.reflected else force)) / self.nodes.sigma for end in (-level, level)]
+        return self.rest_nodes.parts_between(*ends)[0][:, None] * at_rest
 
     def density_of(self, state: PeriodicState) -> tuple[Array, Array, float, bool]:
-        """Return density, outflow and mass at rest of a state, summed over all nodes."""
-        marginal = state.density.sum(axis=(0, 1))
-        density = reflected(marginal) if state.reflected else marginal
-        return density, state.outflow, not_none(state.at_rest).sum(), self.is_resolved(state)
+        """Return density, outflow and mass at rest of a state, summed over all nodes.
+
+        What was lifted off since the middle of the last step has hardly moved: it is in the density, next to x = v = 0.
+        """
+        density, rests = state.density.sum(axis=(0, 1)), self.masses_at_rest(state).sum()
+        density += (not_none(state.at_rest).sum() - rests) * density_at_rest(self.space)
+        return reflected(density) if state.reflected else density, state.outflow, rests, self.is_resolved(state)
 
 
 @kernel

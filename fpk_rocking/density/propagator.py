@@ -85,10 +85,13 @@ class Solution:
     def error(self, difference: float, bins_difference: float) -> float:
         """Error of survival: its estimate, raised by what is truncated, negative probability, bins and rest."""
         rested = self.reinjected if self.at_rest is None else self.at_rest[1:].max()
-        scale = TUNING.rest_error_factor if rested > difference else 1.0
+        scaled = TUNING.rest_error_factor * difference if rested > difference else difference
+        if self.at_rest is not None:
+            # No more than what rests can be wrong by resting.
+            scaled = max(difference, min(scaled, rested))
         truncated = float(np.abs(self.outflow[:, 2]).max())
         negative = -float(min(self.quantity.min(), (1.0 - self.survival).min()))
-        return max(scale * difference, TUNING.bins_part * bins_difference, truncated, negative)
+        return max(scaled, TUNING.bins_part * bins_difference, truncated, negative)
 
 
 class Propagator(abc.ABC):

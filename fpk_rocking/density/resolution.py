@@ -211,7 +211,7 @@ class Resolution:
         """Return the steps a cycle, an even int, for a scene whose blocks usually move up to a velocity `fast`."""
         # A slow motion meets impacts more often.
         moving = TUNING.moving_step * math.sqrt(min(fast, 1.0))
-        rests = _rests_long(scene)
+        rests = rests_long(scene)
         noisy = TUNING.noisy_step * fast**2 / scene.noise.diffusion
         period = cycle_of(scene)
         steps = self.steps / 16 * period / min(moving, TUNING.resting_step if rests else moving, noisy)
@@ -221,7 +221,7 @@ class Resolution:
     def _contact_parts(self, scene, duration):
         """Return the parts, an int, that slow impacts take of a step of a `duration`."""
         restitution = math.sqrt(math.prod(scene.block.restitution_by_side))
-        if restitution > TUNING.low_restitution or not _rests_long(scene):
+        if restitution > TUNING.low_restitution or not rests_long(scene):
             return 1
         # With the square of the steps an error of first order falls by half from one solution to the next.
         part = TUNING.contact_part * (12.0 / self.steps) ** 2
@@ -229,7 +229,7 @@ class Resolution:
         return min(math.ceil(duration / longest), TUNING.most_contact_parts)
 
 
-def _rests_long(scene):
+def rests_long(scene):
     """Whether a block at rest stays there for long in each cycle of a scene, so that its impacts are slow: a bool."""
     return scene.forcing.in_units_of(scene.block.lift_off).longest_rest > TUNING.long_rest
 

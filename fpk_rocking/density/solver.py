@@ -318,8 +318,7 @@ def _rest_error(solutions):
     if fine.at_rest is None:
         return 0.0
     differences = [float(np.abs(fine.at_rest - coarser.at_rest).max()) for coarser in solutions[-2:-4:-1]]
-    extrapolated = max(differences[k] / (1.4 ** (k + 1) - 1.0) for k in (0, 1))
-    return extrapolated + fine.propagator.node_error * float(fine.at_rest[1:].max())
+    return max(differences[k] / (1.4 ** (k + 1) - 1.0) for k in (0, 1))
 
 
 def _is_stagnated(refined):

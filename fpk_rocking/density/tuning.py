@@ -222,28 +222,22 @@ class Tuning(NamedTuple):
     """Part of a re-injected mass that is at rest again, from which on it is taken over to stick."""
 
     # Filtered noise: values by the number of the resolution, from coarse to fine.
-    nodes_of_one: tuple[int, ...] = (5, 6, 8, 10, 12, 14, 16)
-    """Nodes of a filter of one state."""
-    nodes_of_two: tuple[int, ...] = (4, 5, 6, 8, 10, 12, 14)
-    """Nodes in each state of a filter of two."""
-    resting_spacing: tuple[float, ...] = (0.55, 0.46, 0.4, 0.34, 0.29, 0.25, 0.21)
-    """Most spacing of the nodes in y1, in standard deviations, where blocks may rest at the end of a cycle."""
-    resting_nodes_beside: tuple[int, ...] = (4, 5, 6, 7, 8, 9, 10)
-    """Gauss-Hermite nodes in y2 then."""
-    last_step_smooth: tuple[int, ...] = (400, 560, 800, 1200, 1680, 2400, 3360)
-    """Cycle over the last step, where a block may rest, for noise that has a derivative. The noise of a step is that of
-    its middle: rest lags by half of the last one."""
-    last_step_rough: tuple[int, ...] = (800, 1600, 3200, 6400, 12800, 25600, 51200)
-    """The same for noise that has none: excursions beyond lift-off within a step are missed, an error of order 1/2."""
-    filter_turn: float = 1.2
+    moving_nodes: tuple[int, ...] = (4, 5, 6, 8, 10, 12, 14)
+    """Nodes in y1, the noise itself."""
+    resting_nodes: tuple[int, ...] = (6, 8, 10, 12, 14, 16, 18)
+    """The same where the noise decides when a block is lifted off: the density is narrow after that."""
+    nodes_beside: tuple[int, ...] = (2, 3, 3, 4, 5, 6, 7)
+    """Nodes in y2. With as many as in y1 survival and bins are the same to 1e-4."""
+    filtered_points: tuple[int, ...] = (5, 5, 6, 6, 8, 8, 8)
+    """Gauss points of a cell, an axis."""
+    filter_turn: tuple[float, ...] = (2.0, 1.6, 1.2, 0.9, 0.7, 0.5, 0.35)
     """Longest step times the frequency at which a filter swings."""
+    rest_spacing: tuple[float, ...] = (0.25, 0.23, 0.21, 0.19, 0.17, 0.155, 0.14)
+    """Spacing, in standard deviations of the noise, of the places of the mass at rest."""
     rest_cell_velocity: float = 0.35
-    """Velocity of the cells at rest over the speed from which a block comes to rest in the last step of a cycle."""
+    """Velocity of the cells at rest over the speed from which a block comes to rest within a step."""
     rest_cell_angle: float = 10.0
     """Angle of the cells at rest over the square of their velocity."""
-    unseen_between_nodes: float = 0.1
-    """What nodes may leave unseen of blocks at rest, over the weight of a node where the level of lift-off is; up to
-    .05 was measured, under three filters."""
     filtered_reach: float = 8.0
     """Standard deviations within which nothing may happen to a Gaussian that is taken in closed form."""
     filtered_resolved: float = 0.3

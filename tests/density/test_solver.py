@@ -92,11 +92,11 @@ def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, taken):
     assert [solution.number for solution in refined.solutions] == sorted(taken)
 
 
-def test_the_error_at_rest_is_what_levels_tell_and_what_nodes_leave_unseen():
+def test_the_error_at_rest_is_that_of_first_order_by_either_difference():
+    rows = np.array([False, True])
     rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
-    propagator, rows = types.SimpleNamespace(node_error=0.05), np.array([False, True])
-    solutions = [Solution(propagator, np.ones(2), np.zeros((2, 3)), None, rest, rows) for rest in rests]
-    assert solver._rest_error(solutions) == pytest.approx(0.06 / 0.96 + 0.05 * 0.36)
+    solutions = [Solution(None, np.ones(2), np.zeros((2, 3)), None, rest, rows) for rest in rests]
+    assert solver._rest_error(solutions) == pytest.approx(0.06 / 0.96)
 
 
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
