@@ -200,7 +200,7 @@ def _contact_equivalent_exact(x, end, time, side, segment, duration, out, block)
         out[k] = segment.particular[k] / level
     out[0] -= first / unit
     out[1] -= (last - first) / (unit * duration)
-    return unit, KernelBlock(block.restitution, block.cutoff / unit, None, None), out
+    return unit, KernelBlock(block.restitution, block.cutoff / unit, None, None, None), out
 
 
 _contact_equivalent = dispatch_on_block(_contact_equivalent_slender, _contact_equivalent_exact)
