@@ -260,7 +260,10 @@ def cases_of(options):
         (len(scenes) > 1 and options.name, "name", "one scene; several blocks have the names of their files"),
         (azimuth is not None and not records, "azimuth", "together with --records"),
         (azimuth is not None and options.component, "component", "nothing beside --azimuth"),
-        (depth and (azimuth is None or len(scenes) > 1), "depth", "together with --azimuth, for one scene"),
+        (azimuth is not None and options.ground, "azimuth", "without --ground, whose motions are not turned"),
+        (depth and options.ground, "depth", "without --ground, whose motions are not turned"),
+        (depth and azimuth is None, "depth", "together with --azimuth, which is missing"),
+        (depth and len(scenes) > 1, "depth", f"with one scene, not with {len(scenes)}"),
     )
     for wrong, option, accepted in refused:
         if wrong:
@@ -321,10 +324,12 @@ def building_of(options):
 
     if options.building is None:
         return None
-    values = numbers("--building", options.building)
-    if len(values) != 3 or ":" in options.building:
-        raise ValueError(f"--building: got {options.building!r}, accepted: T,ZETA,FACTOR, as in 0.5,0.05,1.3")
-    return Building(*values)
+    try:
+        period, damping, factor = map(float, options.building.split(","))
+    except ValueError:
+        accepted = "T,ZETA,FACTOR: three numbers, as 0.6,0.05,1.1"
+        raise ValueError(f"--building: got {options.building!r}, accepted: {accepted}") from None
+    return Building(period, damping, factor)
 
 
 def shaken_scenes(options):

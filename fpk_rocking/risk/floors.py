@@ -11,6 +11,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.forcing import FORCINGS, Drift, Forcing, Record
 from fpk_rocking.physics.forcing.readers.terms import UNITS
+from fpk_rocking.physics.forcing.record import same_place
 from fpk_rocking.physics.forcing.samples import Samples
 from fpk_rocking.risk.spectra import finer, oscillator
 
@@ -35,8 +36,8 @@ class FloorMotion(Record):
         Time between them, seconds.
     ground_units : str
         Their unit.
-    ground_source : str
-        Name of their file.
+    ground_source, ground_event : str
+        Name of their file, and what it says of event and station.
     building : str
         What the floor's motion was computed of, see `Building`; empty where it was recorded. The samples of one that
         was computed come from a ground motion whose baseline is corrected already.
@@ -47,6 +48,7 @@ class FloorMotion(Record):
     ground_interval: float = 0.0
     ground_units: str = "m/s2"
     ground_source: str = dataclasses.field(default="", compare=False)
+    ground_event: str = dataclasses.field(default="", compare=False)
     building: str = ""
 
     def __post_init__(self):
@@ -70,13 +72,14 @@ class FloorMotion(Record):
                 raise ValueError(checks.refusal(f"ground.{name}", getattr(ground, name), accepted))
         fields: dict[str, Any] = {field.name: getattr(floor, field.name) for field in dataclasses.fields(Record)}
         fields |= {"ground": ground.samples, "ground_interval": ground.interval, "ground_units": ground.units}
-        return cls(**fields, ground_source=ground.source, building=building)
+        return cls(**fields, ground_source=ground.source, ground_event=ground.event, building=building)
 
     @functools.cached_property
     def ground_record(self) -> Record:
         """Motion of the ground."""
         common: dict[str, Any] = {"scale": self.scale, "baseline": self.baseline, "corner_hz": self.corner_hz}
-        return Record(self.ground_interval, self.ground, self.ground_units, source=self.ground_source, **common)
+        common |= {"source": self.ground_source, "event": self.ground_event}
+        return Record(self.ground_interval, self.ground, self.ground_units, **common)
 
     def scaled(self, strength: float, rate: float) -> Self:
         slower = dataclasses.replace(self, ground_interval=self.ground_interval / rate)
@@ -109,6 +112,10 @@ class FloorMotion(Record):
         if not 0.1 * ground <= floor <= 20.0 * ground:
             pair = f"The peak of {self.source or 'a floor'} is {floor:.3g} m/s², that of its ground {ground:.3g} m/s²"
             sentences.append(f"{pair} ({self.ground_source}): are units and order of the files right?")
+        if not same_place(self.event, self.ground_event):
+            said = f"({self.event}; {self.ground_event}): is their order right?"
+            files = f"The files of {self.source} and of its ground, {self.ground_source},"
+            sentences.append(f"{files} say different events or places {said}")
         return sentences + super().implausible
 
 

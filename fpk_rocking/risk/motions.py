@@ -218,9 +218,8 @@ def recorded_scenes(
     vertical: Sequence[Record | File] = (),
 ) -> list[Scene]:
     """Return a scene under each of several motions, with the default number of harmonics for each where it has one."""
-    if vertical and (building is not None or len(vertical) != len(records)):
-        accepted = f"{len(records)}, one for each record in the same order, and no building"
-        raise ValueError(checks.refusal("vertical", f"{len(vertical)} motions", accepted))
+    for name, beside in (("vertical", vertical), ("ground", ground)):
+        _check_beside(name, beside, records, building)
     given = *records, *ground
     files = [(motion, False) for motion in given] + [(motion, True) for motion in vertical]
     read = _read([pair for pair in files if not isinstance(pair[0], Forcing)], units, interval, component)
@@ -229,9 +228,6 @@ def recorded_scenes(
         upward = motion if isinstance(motion, Forcing) else read[str(motion), True]
         motions[place] = dataclasses.replace(checks.instance("records", motions[place], Record), vertical=upward)
     motions = motions or [scene.forcing]
-    if ground and (building is not None or len(ground) != len(records)):
-        accepted = f"{len(records)}, one for each of the records, and no building"
-        raise ValueError(checks.refusal("ground", f"{len(ground)} motions", accepted))
     asked: dict[str, Any] = {"baseline": baseline, "corner_hz": corner_hz}
     changes = {name: value for name, value in asked.items() if value is not None}
     if changes:
@@ -249,6 +245,15 @@ def recorded_scenes(
     if building is not None:
         motions = [checks.instance("building", building, Building).floor_motion(motion) for motion in motions]
     return [under_motion(scene, motion) for motion in motions]
+
+
+def _check_beside(name, motions, records, building):
+    """ValueError for motions beside records, as `name` says, that are not one for each, or beside a building."""
+    if motions and building is not None:
+        raise ValueError(checks.refusal("building", str(building), f"no building beside {name} (--{name})"))
+    if motions and len(motions) != len(records):
+        got = f"{len(motions)} motion{'s' * (len(motions) > 1)}"
+        raise ValueError(checks.refusal(name, got, f"{len(records)}, one for each record in the same order"))
 
 
 def _read(files, units, interval, component):

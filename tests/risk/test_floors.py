@@ -94,12 +94,14 @@ def test_records_of_a_floor_are_joined_with_those_of_the_ground_in_their_order(t
 
 
 def test_what_makes_no_floor_is_refused_by_name():
-    with pytest.raises(
-        ValueError, match=r"^ground: got '2 motions', accepted: 3, one for each of the records, and no b"
-    ):
-        recorded_scenes(BLOCK, GROUND[:3], ground=GROUND[:2])
-    with pytest.raises(ValueError, match=r"^ground: got '3 motions', accepted: 3, .* no building"):
-        recorded_scenes(BLOCK, GROUND[:3], ground=GROUND[:3], building=BUILDING)
+    for name in ("ground", "vertical"):
+        for count, got in ((2, "2 motions"), (1, "1 motion")):
+            said = rf"^{name}: got '{got}', accepted: 3, one for each record in the same order$"
+            with pytest.raises(ValueError, match=said):
+                recorded_scenes(BLOCK, GROUND[:3], **{name: GROUND[:count]})
+        said = rf"^building: got 'T = 0.4 s, ζ = 0.05, Γφ = 1.3', accepted: no building beside {name} \(--{name}\)$"
+        with pytest.raises(ValueError, match=said):
+            recorded_scenes(BLOCK, GROUND[:3], **{name: GROUND[:3]}, building=BUILDING)
     with pytest.raises(ValueError, match=r"^ground\.scale: got 2\.0, accepted: 1\.0, that of the floor"):
         FloorMotion.of(GROUND[0], dataclasses.replace(GROUND[1], scale=2.0))
     with pytest.raises(TypeError, match=r"^ground: got .*, accepted: a Record, of the ground"):
@@ -113,6 +115,23 @@ def test_what_makes_no_floor_is_refused_by_name():
     assert "The peak of f is 900 m/s², that of its ground 1 m/s² (): are units and order" in " ".join(
         crossed.implausible
     )
+
+
+def test_a_ground_motion_whose_file_says_another_event_is_told():
+    """Motions in the wrong order are; two that differ in their last word, the component, are not."""
+    samples = [0.0, 1.0, -1.0, 0.0]
+    floors, below = (
+        [Record(0.01, samples, "m/s2", source=f"{name}{n}", event=f"EVENT {n}, TOWN, {name}") for n in range(2)]
+        for name in ("floor", "ground")
+    )
+    assert [FloorMotion.of(*both).implausible for both in zip(floors, below, strict=True)] == [[], []]
+    told = recorded_scenes(BLOCK, floors, ground=below[::-1])[1].forcing.scaled(2.0, 1.0).implausible
+    said = "(EVENT 1, TOWN, floor; EVENT 0, TOWN, ground): is their order right?"
+    assert told == [f"The files of floor1 and of its ground, ground0, say different events or places {said}"]
+    assert FloorMotion.of(floors[0], dataclasses.replace(below[1], event="")).implausible == []
+    on_floor = recorded_scenes(BLOCK, floors[:1], building=BUILDING)[0]
+    assert on_floor.forcing.ground_record.event == floors[0].event
+    assert on_floor.forcing.implausible == []
 
 
 def test_the_baseline_is_that_of_the_ground_before_a_building_and_of_both_where_both_are_recorded():
@@ -211,7 +230,10 @@ def test_the_command_takes_ground_building_and_measure(tmp_path, capsys):
     assert told["risk"]["rate"] == expected.risk.rate
     assert told["rank_correlation"] == pytest.approx(expected.rank_correlation)
     assert cli.main([*words, "--building", "0.6,0.05"]) == 2
-    assert "--building: got '0.6,0.05', accepted: T,ZETA,FACTOR" in capsys.readouterr().err
+    accepted = "accepted: T,ZETA,FACTOR: three numbers, as 0.6,0.05,1.1"
+    assert f"--building: got '0.6,0.05', {accepted}" in capsys.readouterr().err
+    assert cli.main([*words, "--building", "0.6 s,5 %,1.1"]) == 2
+    assert f"--building: got '0.6 s,5 %,1.1', {accepted}" in capsys.readouterr().err
     words = ["fragility", str(tmp_path / "rack.toml"), "--records", *files, "--intensities", "0.5,1,2"]
     assert cli.main([*words, "--measure", "Sa(1.0)", "--ground", *files]) == 0
     printed = " ".join(capsys.readouterr().out.split())

@@ -147,6 +147,20 @@ def test_both_planes_of_a_block_in_one_run(tmp_path, capsys):
     assert rates[0] != rates[1]
     assert f"the larger is {larger}, the sum {total}. Neither is a bound in three dimensions." in said
     assert cli.main([*map(str, arguments[:-2]), "--depth", "80 cm"]) == 2
-    assert "--depth: got '80 cm', accepted: together with --azimuth, for one scene" in capsys.readouterr().err
+    assert "--depth: got '80 cm', accepted: together with --azimuth, which is missing" in capsys.readouterr().err
+    assert cli.main([*map(str, [*arguments[:2], *arguments[1:]]), "--depth", "80 cm"]) == 2
+    assert "--depth: got '80 cm', accepted: with one scene, not with 2" in capsys.readouterr().err
     assert cli.main([*map(str, arguments), "--component", "NS"]) == 2
     assert "--component: got 'NS', accepted: nothing beside --azimuth" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("option", "value"), [("--azimuth", "90"), ("--depth", "80 cm")])
+def test_motions_of_the_ground_are_not_turned_and_refused(tmp_path, capsys, option, value):
+    """Else the intensity is of another direction than the motion of the floor."""
+    (tmp_path / "rack.toml").write_text(Scene.from_block(0.5, 2.0, "0.3 g", "1.5 Hz").to_toml())
+    files = list(map(str, pair(tmp_path, ground(1), (0, 90))))
+    assert (
+        cli.main(["risk", str(tmp_path / "rack.toml"), "--records", *files, option, value, "--ground", files[0]]) == 2
+    )
+    assert f"{option}: got " in (told := capsys.readouterr().err)
+    assert "accepted: without --ground, whose motions are not turned" in told

@@ -338,12 +338,10 @@ class Record(TransientForcing):
 
     def _beside(self, vertical):
         """Sentences on a vertical motion that is hardly meant, or hardly of the same place."""
-        own, other = self.event, vertical.event
-        # The last word may name the component.
-        stems = [re.sub(r"\W*\w+\W*$", "", text) for text in (own, other)]
-        if own.startswith(stems[1]) or other.startswith(stems[0]):
+        if same_place(self.event, vertical.event):
             return vertical.implausible
-        return [*vertical.implausible, f"{vertical.source} is not of the place of {self.source}: {other}; {own}."]
+        said = f"{vertical.source} is not of the place of {self.source}: {vertical.event}; {self.event}."
+        return [*vertical.implausible, said]
 
     @property
     def drifts(self) -> bool:
@@ -414,6 +412,13 @@ class Record(TransientForcing):
         name = self.source or "a record"
         beside = "" if self.vertical is None else f" with {self.vertical.source or 'a vertical motion'}"
         return f"{name}{beside}, {len(self.samples)} samples of {self.interval:g} s, {self.scale:g} times"
+
+
+def same_place(one: str, other: str) -> bool:
+    """Whether two texts `event` of a `Record` may be of one event and station; an empty one may be of any."""
+    # The last word may name the component.
+    stems = [re.sub(r"\W*\w+\W*$", "", text) for text in (one, other)]
+    return one.startswith(stems[1]) or other.startswith(stems[0])
 
 
 def check_baseline(name: str, value: str) -> str:
