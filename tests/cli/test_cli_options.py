@@ -40,6 +40,13 @@ OF_RISK = {
     "uncertain",
     "blocks",
     "set",
+    "vertical",
+    "ground",
+    "building",
+    "azimuth",
+    "depth",
+    "events",
+    "mass",
 }
 """Options that tests/risk, test_drawing.py and test_cli_records.py try."""
 
@@ -213,7 +220,7 @@ def test_peaks_in_g_take_the_place_of_scales(run):
     assert [measure.columns(1.0)["pga_g"] for measure in loaded.intensities] == pytest.approx([1.0])
     kept = Fragility.load(run("fragility", rack, pga="0.9", cycles=2, realizations=300, keep_noise=True)[1])
     assert kept.scenes[0].noise == rack.noise
-    with pytest.raises(AssertionError, match="accepted: a list of factors, or --pga or --pgv in its place"):
+    with pytest.raises(AssertionError, match="accepted: factors, or --pga, --pgv or --intensities in its place"):
         run("fragility", rack, cycles=2)
 
 
