@@ -12,8 +12,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing import Forcing, Record
-from fpk_rocking.physics.forcing.readers.components import Component
-from fpk_rocking.physics.forcing.readers.terms import unit_of
+from fpk_rocking.physics.forcing.readers.terms import azimuth, divided, unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
 from fpk_rocking.results.trust import CAUTION, Diagnostic
@@ -346,28 +345,27 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
     return lines
 
 
-def event_of(text: str) -> tuple[str, float | None]:
-    """Return what a file says of event and station, `text`, without a last part that is an azimuth, and the azimuth."""
-    head, _, last = text.rpartition(", ")
-    azimuth = Component(last, np.zeros(1)).azimuth if head else None
-    return (text, None) if azimuth is None else (head, azimuth)
-
-
 def same_event(scenes: Sequence[Scene]) -> list[int]:
     """Return a number for the event of each scene's motion: one for two components of which files say the same event.
 
-    Azimuths that they say have to differ. Three or more of one text stay apart: it may be a general one.
+    Components that they say have to differ. Three or more of one text stay apart: it may be a general one.
     """
-    said = [event_of(getattr(scene.forcing, "event", "")) for scene in scenes]
-    texts = [text for text, _ in said]
+    said = [divided(getattr(scene.forcing, "event", "")) for scene in scenes]
+    texts, names = ([pair[part] for pair in said] for part in (0, 1))
     labels = list(range(len(texts)))
     for text in filter(None, dict.fromkeys(texts)):
         places = [place for place, other in enumerate(texts) if other == text]
-        turns = {said[place][1] for place in places}
-        # Two of one azimuth are of two stations.
-        if len(places) == 2 and (turns == {None} or (len(turns) == 2 and None not in turns)):
+        turns = {_direction(names[place]) for place in places}
+        # Two of one direction are of two stations.
+        if len(places) == 2 and (turns == {""} or (len(turns) == 2 and "" not in turns)):
             labels[places[1]] = places[0]
     return labels
+
+
+def _direction(name):
+    """Azimuth in [0, 360) that a component's name says, else the name in capitals."""
+    turn = azimuth(name)
+    return name.upper() if turn is None else turn % 360.0
 
 
 def motion_names(scenes: Sequence[Scene]) -> list[str]:

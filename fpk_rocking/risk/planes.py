@@ -15,8 +15,7 @@ from fpk_rocking.base.checks import File
 from fpk_rocking.physics.forcing import Record
 from fpk_rocking.physics.forcing.readers import reading, said_by_name
 from fpk_rocking.physics.forcing.readers.components import ACCEPTED
-from fpk_rocking.physics.forcing.readers.terms import UNITS, unit_of
-from fpk_rocking.risk.motions import event_of
+from fpk_rocking.physics.forcing.readers.terms import UNITS, divided, unit_of
 
 _SQUARE, _LENGTHS = 10.0, 0.01
 """Degrees by which two components may miss a right angle, and part by which their numbers of samples may differ."""
@@ -89,7 +88,7 @@ def _turned(first, second, azimuth, units, interval):
         named = f"components {one.name!r} and {two.name!r}"
         raise ValueError(f"{where}: got {named}, accepted: names that say the azimuth: NS, N30E, 120 DEG, 279")
     apart = math.sin(math.radians(own[1] - own[0]))
-    events = {event_of(component.event)[0] for component in (one, two)} - {""}
+    events = {divided(component.event)[0] for component in (one, two)} - {""}
     if abs(apart) < math.cos(math.radians(_SQUARE)) or len(events) > 1:
         got = f"{one.description} of {one.event or path.name}; {two.description} of {two.event or other.name}"
         raise ValueError(f"{where}: got {got}, accepted: two components of one motion at right angles")

@@ -480,6 +480,14 @@ def test_units_by_their_spellings():
     assert UNITS["g/10"] == pytest.approx(0.1 * UNITS["g"])
 
 
+def test_an_event_names_the_chosen_component_whatever_letters_its_text_has(tmp_path):
+    """A name stands at the end of the text, or is added; the letter N stands in OWN too."""
+    for file, names in (("geonet", ("N", "E", "Up")), ("other", ("N10E", "N80W", "Up"))):
+        (tmp_path / file).write_text(geonet(names))
+        for name in names[:2]:
+            assert Record.from_file(tmp_path / file, component=name).event == f"Site OWN, Own Town, {name}"
+
+
 def test_azimuths():
     for name, azimuth in {
         "N08W": 352.0,
@@ -493,6 +501,10 @@ def test_azimuths():
         "Up": None,
         "L1": None,
         "HNN": 0.0,
+        "W": 270.0,
+        "S": 180.0,
+        "acc_m/s2": None,
+        "S-1": None,
         "BNE 400 deg": 90.0,
     }.items():
         assert Component(name, SAMPLES).azimuth == azimuth

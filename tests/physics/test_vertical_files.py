@@ -77,6 +77,15 @@ def test_a_vertical_motion_of_another_place_is_told(files):
     assert not Record.from_file(files["side.AT2"], vertical=files["up.AT2"]).implausible
 
 
+@pytest.mark.parametrize(
+    "names", [("009 (STATION 1)", "UP (STATION 1)"), ("N", "V (STATION 1)"), ("TR COMP", "VERTICAL COMP")]
+)
+def test_a_vertical_motion_of_the_same_place_is_known_by_any_name_of_components(names, tmp_path):
+    for file, name, samples in zip(("side.AT2", "up.AT2"), names, (SIDE, UP), strict=True):
+        (tmp_path / file).write_text(peer(name, samples))
+    assert not Record.from_file(tmp_path / "side.AT2", vertical=tmp_path / "up.AT2").implausible
+
+
 def test_a_scene_file_names_it_and_a_scene_keeps_its_samples(files, tmp_path):
     text = "[block.dimensions]\nwidth = 0.5\nheight = 1.8\n[noise]\nkind = 'none'\n[forcing]\nkind = 'record'\n"
     scene = Scene.from_toml(f"{text}file = 'side.AT2'\nvertical = 'up.AT2'\nscale = 1.5\n", folder=tmp_path)

@@ -53,6 +53,35 @@ def test_two_components_whose_files_say_the_same_event_and_station_are_one_motio
     assert same_event(scenes) == [0, 0, 2, 3, 4, 5, 6, 7, 8, 8, 10, 11, 12, 12]
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "one"),
+    [
+        ("A, B, LN (SCE STATION 23)", "A, B, TR (SCE STATION 23)", True),
+        ("A, CHY101, N (CWB)", "A, CHY101, W (CWB)", True),
+        ("A, B, FN", "A, B, FP", True),
+        ("A, B, N09E", "A, B, S81E", True),
+        ("A, B ,360", "A, B ,090", True),
+        ("A, B, IRAN TRANSVERSE COMP", "A, B, IRAN LONGITUDINAL COMP", True),
+        ("A, B, acc_NS (gal)", "A, B, acc_EW (gal)", True),
+        ("A, B, HNN", "A, B, HNE", True),
+        ("A, B, EW1", "A, B, NS1", True),
+        ("A, B, 000 (STATION 1)", "A, B, 090 (STATION 2)", False),
+        ("A, N HOLLYWOOD", "A, E HOLLYWOOD", False),
+        ("A, LONGVIEW", "A, TRANCAS", False),
+        ("A, ABN", "A, CDE", False),
+        ("A, 400", "A, 401", False),
+        ("A, B, N", "A, B, 000", False),
+        ("A, B, 360", "A, B, 0", False),
+        ("A, B, LN", "A, B, ln", False),
+        ("A, B, TR", "A, B", False),
+        ("LN", "TR", False),
+    ],
+)
+def test_components_count_as_one_motion_by_any_name_and_stations_do_not(first, second, one):
+    motions = [Record(0.1, (0.0, 1.0, 0.0), "m/s2", event=text) for text in (first, second)]
+    assert same_event([Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in motions]) == [0, 0 if one else 1]
+
+
 def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, capsys):
     """Ten files in pairs are five events; the rate is the same, its limits are those of a study with labels."""
     scene, hazard, files = Scene(Block(0.9, SIZE), record(0), NoNoise()), Hazard.power_law(1e-3, 2.5), []

@@ -97,6 +97,20 @@ def test_paths_in_a_plane_are_those_of_an_integration_in_metres(tmp_path, azimut
     assert len(set(fell)) > 1
 
 
+def test_components_to_the_north_and_the_west_are_a_pair_and_a_bracket_names_the_station(tmp_path):
+    parts = ground(3)
+    files = [
+        peer(tmp_path / f"{name}.AT2", parts @ toward(turn), f"{name} (NET 1)")
+        for name, turn in (("N", 0.0), ("W", 270.0))
+    ]
+    (record,) = in_plane(files, 30.0)
+    assert np.array(record.samples) == pytest.approx(parts @ toward(30.0), abs=1e-12)
+    assert record.event == "EVENT, STATION, 1 (NET 1), along 30°"
+    other = peer(tmp_path / "other.AT2", parts[:, 1], "W (NET 2)")
+    with pytest.raises(ValueError, match="accepted: two components of one motion at right angles"):
+        in_plane([files[0], other], 30.0)
+
+
 def test_what_is_no_pair_is_refused_by_name(tmp_path):
     parts = ground(1)
     north, east = pair(tmp_path, parts, (0, 90))

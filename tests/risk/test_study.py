@@ -232,7 +232,9 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
     assert rows == 3
     assert "samples = [" not in page[: page.index("<script")]
     assert cli.main([*words, "--scales", "1"]) == 2
-    assert "--scales: got '1', accepted: factors, or --pga, --pgv or --intensities in its place" in capsys.readouterr().err
+    assert (
+        "--scales: got '1', accepted: factors, or --pga, --pgv or --intensities in its place" in capsys.readouterr().err
+    )
 
 
 def test_the_corner_of_the_correction_is_set_from_outside(tmp_path, capsys):

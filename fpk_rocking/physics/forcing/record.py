@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
 from fpk_rocking.physics.forcing.base import RANGES, Size
 from fpk_rocking.physics.forcing.readers import reading
-from fpk_rocking.physics.forcing.readers.terms import UNITS, unit_of
+from fpk_rocking.physics.forcing.readers.terms import UNITS, divided, is_component, unit_of
 from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Samples, corners, corrected, drift_of
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
@@ -167,8 +167,9 @@ class Record(TransientForcing):
         values = -found.values if upright and found.downward else found.values
         samples, note = tuple(values.tolist()), " ".join(found.sentences)
         # Where one was chosen, a table of motions says which.
-        chosen = found.name if component is not None and found.name not in found.event else ""
-        event = ", ".join(filter(None, [found.event, chosen]))
+        # A letter such as E stands in many texts.
+        said = divided(found.event)[1] if is_component(found.name) else found.name in found.event
+        event = ", ".join(filter(None, [found.event, found.name if component is not None and not said else ""]))
         about = {"source": file.name, "event": event, "note": note}
         beside = None
         if vertical is not None:
@@ -416,9 +417,10 @@ class Record(TransientForcing):
 
 def same_place(one: str, other: str) -> bool:
     """Whether two texts `event` of a `Record` may be of one event and station; an empty one may be of any."""
-    # The last word may name the component.
-    stems = [re.sub(r"\W*\w+\W*$", "", text) for text in (one, other)]
-    return one.startswith(stems[1]) or other.startswith(stems[0])
+    (first, name), (second, beside) = divided(one), divided(other)
+    # A last word may name a component in a way that is not known.
+    stems = [text if known else re.sub(r"\W*\w+\W*$", "", text) for text, known in ((first, name), (second, beside))]
+    return first.startswith(stems[1]) or second.startswith(stems[0])
 
 
 def check_baseline(name: str, value: str) -> str:

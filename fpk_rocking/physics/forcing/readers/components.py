@@ -85,16 +85,7 @@ class Component:
     @property
     def azimuth(self) -> float | None:
         """Degrees from north that the name says; None where it says none, or the component is vertical."""
-        words = re.sub(r"[(\[].*?[)\]]", " ", self.name.upper()).replace("_", " ")
-        match = re.search(r"\b([NS])\s?(\d{1,2})\s?([EW])\b", words)
-        if match:
-            turned = 1.0 if (match[1] == "N") == (match[3] == "E") else -1.0
-            return (180.0 * (match[1] == "S") + turned * float(match[2])) % 360.0
-        match = re.search(r"^\s*(\d{1,3})\s*$|\b(\d{1,3})\s*(?:DEG|°)", words)
-        if match and int(match[1] or match[2]) <= 360:
-            return float(match[1] or match[2])
-        letters = re.search(r"\b(?:[A-Z]{2})?(N-?S|E-?W|N|E)\d?\b", words)
-        return None if not letters else 0.0 if letters[1][0] == "N" else 90.0
+        return terms.azimuth(self.name)
 
     @property
     def objection(self) -> ReadingError | None:
