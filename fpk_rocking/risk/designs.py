@@ -144,6 +144,12 @@ class Designs(Result):
         return np.stack(rows, axis=-1)
 
     @property
+    def rate_texts(self) -> list[list[str]]:
+        """Annual rate of each block with its 95 % limits, as texts; empty ones without a hazard."""
+        rates = [(one.risk.rate, *one.risk.interval) if one.risk else () for one in self.studies]
+        return [[rate_text(rate) for rate in row] or [""] * 3 for row in rates]
+
+    @property
     def title(self) -> str:
         """Names of the blocks and their rates, as a line of text."""
         texts = [f"{one.name} {rate_text(one.risk.rate)}" if one.risk else one.name for one in self.studies]
@@ -157,16 +163,17 @@ class Designs(Result):
 
     @property
     def sentences(self) -> list[str]:
-        """Sentences: the ratios of the blocks, or the rates in both planes, their sum, and why neither is a bound."""
+        """Sentences: ratios of blocks, or rates in both planes, their sum, why neither is a bound; of the motions."""
         first, unit = self.studies[0], self.studies[0].curve.measure
         if self.azimuths:
             where = [f"{one.name}, {turn:g}°" for one, turn in zip(self.studies, self.azimuths, strict=True)]
             if not first.risk:
-                return [f"Both planes: {'; '.join(where)}. No rates, as there is no hazard (--hazard). {_NO_BOUND}"]
+                text = f"Both planes: {'; '.join(where)}. No rates, as there is no hazard (--hazard). {_NO_BOUND}"
+                return [text, *first.about_motions]
             rates = [one.risk.rate for one in self.studies if one.risk]
             text = "; ".join(f"{name}: {rate_text(rate)}" for name, rate in zip(where, rates, strict=True))
             larger = f"the larger is {rate_text(max(rates))}, the sum {rate_text(sum(rates))}"
-            return [f"Annual rate in each plane: {text}; {larger}. {_NO_BOUND}"]
+            return [f"Annual rate in each plane: {text}; {larger}. {_NO_BOUND}", *first.about_motions]
         texts = []
         for other, ratio, row in zip(self.studies[1:], self.ratios, self._each, strict=True):
             each = row[np.isfinite(row)]
@@ -176,7 +183,8 @@ class Designs(Result):
             if math.isnan(ratio.median_low):
                 text += "; no limits, as a lognormal fit is missing or rejected"
             texts.append(f"{text}.")
-        return [*texts, "All blocks have the same motions, and limits of ratios allow for that."]
+        same = "All blocks have the same motions, and limits of ratios allow for that."
+        return [*texts, same, *first.about_motions]
 
     def text(self) -> str:
         """Return `sentences`, then rate, verdict, and what is asked of each block, then each motion, as one text."""

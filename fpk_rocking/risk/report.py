@@ -78,9 +78,9 @@ def write_designs_report(path: File, designs: Any, command: str = "") -> int:
     """Write the report of several blocks under the same motions as one HTML file, complete or not at all."""
     first, unit = designs.studies[0], designs.studies[0].curve.unit
     table: dict[str, list[str]] = {"block": [one.name for one in designs.studies]}
-    rates = [(one.risk.rate, *one.risk.interval) if one.risk else (math.nan,) * 3 for one in designs.studies]
-    for name, column in zip(("annual rate", "low (95 %)", "high (95 %)"), zip(*rates, strict=True), strict=True):
-        table[name] = _digits(column).tolist()
+    heads = "annual rate", "low (95 %)", "high (95 %)"
+    for name, column in zip(heads, zip(*designs.rate_texts, strict=True), strict=True):
+        table[name] = list(column)
     for name, head in (("median", f"median, {unit}"), ("dispersion", "dispersion")):
         table[head] = _digits(getattr(one.curve.fit, name) for one in designs.studies).tolist()
     table["lifts off at, g"] = [f"{lift_off_g(one.scene.block):.3g}" for one in designs.studies]

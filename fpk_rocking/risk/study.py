@@ -201,12 +201,19 @@ class Study(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
-        count, of = self.curve.records, len(self.recorded)
-        what = "events" if 1 < count < of else "motions"
+        count = self.curve.records
+        what = "events" if 1 < count < len(self.recorded) else "motions"
         few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
-        grouped = f"{of} motions are of {count} events; those of one event count as one motion." * (what == "events")
-        remarks = [self._floor(), self._at_most(), self.about_correction, grouped, few, self._standing()]
+        remarks = [*self.about_motions, self._at_most(), self.about_correction, few, self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
+
+    @property
+    def about_motions(self) -> list[str]:
+        """Sentences on floors, vertical motions, and several motions of one event, for each where there are any."""
+        count, of = self.curve.records, len(self.recorded)
+        upward = "The vertical motions act, too, and are scaled with the horizontal ones." * self._lifted
+        grouped = f"{of} motions are of {count} events; those of one event count as one motion." * (1 < count < of)
+        return [text for text in (self._floor(), upward, grouped) if text]
 
     def _floor(self):
         """Return what moves the block and what the intensities are of, for floors, a sentence; else an empty text."""
@@ -445,9 +452,10 @@ class Study(Result):
 
     def _about_curve(self):
         """Return what the curve in files is, and which rates it has, as sentences."""
+        about = " ".join([self.curve.describe(), *self.about_motions])
         if not self.risk:
-            return self.curve.describe()
-        text = f"{self.curve.describe()} Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
+            return about
+        text = f"{about} Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
         return text + f"as the study states it {rate_text(self.risk.rate)}."
 
     def for_pelicun(self) -> dict[str, tuple[IntensityCurve, str, Trust | None]]:

@@ -118,6 +118,8 @@ def test_the_shell_scales_both_and_names_both(files, tmp_path, capsys):
     assert row["vertical"] == "up.AT2"
     assert float(row["vertical_pga_g"]) == pytest.approx(np.abs(UP).max())
     assert ">up.AT2<" in (tmp_path / "out" / "report.html").read_text()
+    exported = (tmp_path / "out" / "rocking_block.xml").read_text(encoding="utf-8")
+    assert "vertical motions act, too, and are scaled with the horizontal ones" in exported
     scene = Scene.from_block(0.5, 1.8, record=Record.from_file(records[0], vertical=files["up.AT2"]))
     result = study(scene, records, None, vertical=[files["up.AT2"]], measure="PGA")
     assert float(row["critical_intensity"]) == pytest.approx(result.critical.critical[0])

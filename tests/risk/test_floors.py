@@ -1,6 +1,7 @@
 """Motions of upper floors: recorded with those of the ground, or computed of a building of one mode."""
 
 import dataclasses
+import html
 import json
 import math
 
@@ -12,6 +13,7 @@ from test_spectra import oscillator
 from fpk_rocking import Block, NoNoise, Record, Scene, cli
 from fpk_rocking.risk import (
     Building,
+    Designs,
     FloorMotion,
     Fragility,
     Hazard,
@@ -24,6 +26,7 @@ from fpk_rocking.risk import (
     synthetic_records,
 )
 from fpk_rocking.risk.motions import intensity_of, recorded_scenes
+from fpk_rocking.risk.rate import rate_text
 
 G = 9.80665
 BLOCK = Scene(Block(0.9, SIZE), record(0), NoNoise())
@@ -168,14 +171,30 @@ def test_the_rate_on_a_floor_is_that_of_scales_of_the_ground(tmp_path):
     floors.write(tmp_path)
     kept = Fragility.load(tmp_path / "result.npz")
     assert (kept.measure, kept.scenes[0].forcing) == ("Sa(1.0)", floors.fragility.scenes[0].forcing)
-    assert 'imt="SA(1.0)"' in (tmp_path / "rocking_block.xml").read_text()
+    xml = (tmp_path / "rocking_block.xml").read_text(encoding="utf-8")
+    assert 'imt="SA(1.0)"' in xml
+    pelicun = json.loads((tmp_path / "rocking_block.json").read_text())["rocking_block"]["Description"]
+    for text in (xml, pelicun):
+        assert "(one mode, T = 0.4 s, ζ = 0.05, Γφ = 1.3); intensities are the ground's" in text
     assert ",Spectral Acceleration|1.0,g,0,1," in (tmp_path / "rocking_block.csv").read_text()
-    assert (
-        "give the component location 0"
-        in json.loads((tmp_path / "rocking_block.json").read_text())["rocking_block"]["Description"]
-    )
+    assert "give the component location 0" in pelicun
     wrong = study(BLOCK, [Record(one.interval, one.samples, "m/s2") for one in made], hazard, measure="Sa(1.0)")
     assert wrong.risk.rate < 0.5 * floors.risk.rate
+
+
+def test_several_blocks_on_a_floor_say_so_once_and_how_many_events_there_are(tmp_path):
+    motions, hazard = synthetic_records(10, duration=5.0, seed=4), Hazard.power_law(1e-3, 2.5)
+    events = [number // 2 for number in range(10)]
+    studies = [study(BLOCK, motions, hazard, building=BUILDING, events=events, name=name) for name in ("one", "two")]
+    both = Designs(tuple(studies))
+    both.write(tmp_path)
+    visible = (tmp_path / "report.html").read_text(encoding="utf-8").partition("<script")[0]
+    for text in (both.text(), html.unescape(visible)):
+        assert text.count("on an upper floor, whose motions are computed from those of the ground (one mode, T") == 1
+        assert text.count("10 motions are of 5 events; those of one event count as one motion.") == 1
+    rate = studies[0].risk.rate
+    assert f"<td>{rate_text(rate)}</td>" in visible
+    assert f"<td>{rate:.4g}</td>" not in visible
 
 
 def test_records_that_look_like_those_of_a_floor_are_a_caution():

@@ -176,5 +176,6 @@ def test_motions_of_the_ground_are_not_turned_and_refused(tmp_path, capsys, opti
     assert (
         cli.main(["risk", str(tmp_path / "rack.toml"), "--records", *files, option, value, "--ground", files[0]]) == 2
     )
-    assert f"{option}: got " in (told := capsys.readouterr().err)
+    told = capsys.readouterr().err
+    assert f"{option}: got " in told
     assert "accepted: without --ground, whose motions are not turned" in told
