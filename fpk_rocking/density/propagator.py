@@ -122,9 +122,9 @@ class Propagator(abc.ABC):
     def density_of(self, state: Any) -> tuple[Array, Array, float, bool]:
         """Return (coefficients, outflow, mass at rest, whether the mesh resolves the density) of a state."""
 
-    def early_state(self, start: Start, time: float) -> Any:
-        """Return the state at a `time` before the first state that the mesh resolves; its density is not resolved."""
-        raise NotImplementedError
+    def states_before(self, first: Any, times: Array, start: Start) -> Iterator[Any]:  # noqa: ARG002  (`first` is at 0)
+        """Yield the states at those of the times that are before the `first` of `initial_state`."""
+        yield from ()
 
     def state_between(self, state: Any, time: float) -> Any:  # noqa: ARG002  (`advance` stops at each wanted time)
         """Return the state at a `time` within the step after a `state`, from which nothing goes on; else None."""
@@ -133,7 +133,7 @@ class Propagator(abc.ABC):
     def states(self, times: Array, start: Start) -> Iterator[Any]:
         """Yield the states at each of the times and after every step, in order, to the last of the times."""
         state = self.initial_state(start, times)
-        yield from (self.early_state(start, time) for time in times[1:] if time < state.time * (1.0 - 1e-12))
+        yield from self.states_before(state, times, start)
         yield state
         for time in times[1:]:
             while not _reached(state, time):
@@ -207,6 +207,14 @@ class CyclicPropagator(Propagator):
         """Return a mask of the cells of another `Space` that meet an active cell of the steps about a `time`."""
         before, after = self._steps_about(time)
         return overlapping_cells(self.space, self.active[before] | self.active[min(after, len(self.active) - 1)], space)
+
+    @abc.abstractmethod
+    def early_state(self, start: Start, time: float) -> PeriodicState:
+        """Return the `PeriodicState` at a `time` before the mesh takes the start over; it is narrower than cells."""
+
+    def states_before(self, first: PeriodicState, times: Array, start: Start) -> Iterator[PeriodicState]:
+        """Yield the states at those of the times at which the mesh has not taken the start over."""
+        return (self.early_state(start, time) for time in times[1:] if time < first.time * (1.0 - 1e-12))
 
     @abc.abstractmethod
     def _steps_about(self, time):

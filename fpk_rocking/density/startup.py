@@ -45,7 +45,7 @@ class StartUp:
     def __init__(self, dynamics: Dynamics, start, settings: PatchSettings, period, waiting=None):
         self.dynamics, self.settings, self._cycle = dynamics, settings, period
         self._waiting, self._lift_off_is_known = waiting or 0.0, waiting is not None
-        self.longest = period + self._waiting
+        self._look_ahead = period + self._waiting
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
         self._still = not self._initial.mean.any() and not self._initial.covariance.any()
@@ -131,7 +131,7 @@ class StartUp:
         duration = min(self.settings.growth * (now.time + self._noise_time), longest)
         if self._rattles(now, duration):
             duration = min(duration, self._longest_step_near_rest(now))
-        left = self.longest - now.time
+        left = self._look_ahead - now.time
         free = self._free_time(now, min(left, self._longest_flight)) if left > 0.0 else 0.0
         quiet = free >= duration
         duration, dynamics = max(free, duration), self.dynamics
@@ -175,7 +175,7 @@ class StartUp:
         if self._still:
             return self.settings.early * _drift_time(self.dynamics)
         quiet = 0.0 if initial.covariance.any() else least
-        for time in np.geomspace(least, TUNING.closed_form_part * self.longest, 100):
+        for time in np.geomspace(least, TUNING.closed_form_part * self._look_ahead, 100):
             gaussian = self.flight(time)
             if not self.undisturbed(gaussian) or self._bent(gaussian, time):
                 break

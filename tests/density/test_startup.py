@@ -34,7 +34,7 @@ def test_launch_layer_is_that_of_an_independent_simulation(named_scene):
     dynamics, step = Dynamics.of(scene), scene.period / 16
     space = Space(graded_lines(math.pi / 2, 36, 1.5), graded_lines(3.0, 56, 1.3), 3)
     startup = StartUp(dynamics, scene.start, PatchSettings(20, 8.0, 0.2, 0.005, 5), scene.period)
-    first = takeover_step(startup, space, startup.longest * np.arange(17) / 16)
+    first = takeover_step(startup, space, scene.period * np.arange(17) / 16)
     coefficients, outflow = startup.project(first * step, space)
     assert first <= 5
     for k in range(first, 5):

@@ -1,12 +1,11 @@
 """What few motions tell of others: against the normal theory, an independent posterior, and how often limits hold."""
 
-import importlib.util
 import math
-import pathlib
 
 import numpy as np
 import pytest
 from scipy import special, stats
+from scripts import benchmark
 
 from fpk_rocking.risk.capacities import Capacities
 
@@ -103,14 +102,6 @@ def test_noise_blurs_capacities():
     assert curve.low[11] == pytest.approx(math.log(3.0) - curve.noise * stats.norm.ppf(1.0 - 0.5**0.001), rel=1e-9)
 
 
-def benchmark():
-    path = pathlib.Path(__file__).parents[2] / "benchmarks" / "few_motions.py"
-    spec = importlib.util.spec_from_file_location("few_motions", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize(
     ("kind", "motions"),
     [
@@ -123,7 +114,7 @@ def benchmark():
 )
 def test_limits_hold(kind, motions):
     """Of 100 suites at least 88 of each; a share of .95 has less in .4 % of such counts."""
-    script = benchmark()
+    script = benchmark("few_motions")
     result = script.coverage(motions, 100, 6, 199, **script.KINDS[kind])
     assert min(result[name] for name in script.NAMES) >= 0.88
 
@@ -131,7 +122,7 @@ def test_limits_hold(kind, motions):
 @pytest.mark.slow
 def test_what_is_not_lognormal_is_rejected():
     """At 5 %: of 200 lognormal suites 3 to 19 (outside by chance: 2 %), of 30 exponential capacities most."""
-    script = benchmark()
+    script = benchmark("few_motions")
     kinds = script.KINDS
     assert 0.015 <= script.rejected(14, 200, 7, stats.norm, **kinds["critical intensities"]) <= 0.095
     assert script.rejected(8, 100, 7, stats.norm, **kinds["noise"]) <= 0.11
@@ -140,7 +131,7 @@ def test_what_is_not_lognormal_is_rejected():
 
 
 def test_the_page_quotes_the_figures():
-    script = benchmark()
+    script = benchmark("few_motions")
     kinds = {"noise": script.KINDS["noise"]}
     result = script.run(suites=4, sizes=(5, 8), samples=49, tests=4, kinds=kinds, again=5)
     page = script.page(result)

@@ -2,16 +2,15 @@
 
 import csv
 import dataclasses
-import importlib.util
 import json
 import math
-import pathlib
 import re
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from scipy import stats
+from scripts import benchmark
 from suites import SCALES, SIZE, record, searched, suite
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, cli
@@ -22,14 +21,6 @@ from fpk_rocking.risk.picture import draw_curves, draw_ratios
 
 MOTIONS, HAZARD = [record(n) for n in range(6)], Hazard.power_law(1e-3, 2.5)
 BLOCKS = {"narrow": SIZE, "wide": Dimensions(0.75, 2.0)}
-
-
-def benchmark():
-    path = pathlib.Path(__file__).parents[2] / "benchmarks" / "paired_motions.py"
-    spec = importlib.util.spec_from_file_location("paired_motions", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def studied(name):
@@ -193,6 +184,6 @@ def test_the_pictures_have_every_curve_and_every_ratio(both):
 @pytest.mark.slow
 def test_limits_of_ratios_hold():
     """Of 200 suites at least 90 % of each; a share of .95 has less in .2 % of such counts."""
-    script = benchmark()
+    script = benchmark("paired_motions")
     found = script.ratios_hold(10, 200, 3, *script.PAIRS["dispersions .35 and .5, correlation .8, medians 1 and 1.3"])
     assert min(found["median"], found["rate"]) >= 0.9

@@ -1,13 +1,12 @@
 """Motions of one event: one motion for curve, rate and limits, as files say or as a user does."""
 
-import importlib.util
 import json
 import math
-import pathlib
 import re
 
 import numpy as np
 import pytest
+from scripts import benchmark
 from suites import SIZE, record, searched
 
 from fpk_rocking import Block, NoNoise, Record, Scene, cli
@@ -15,18 +14,10 @@ from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, study
 from fpk_rocking.risk.motions import same_event
 
 
-def benchmark():
-    path = pathlib.Path(__file__).parents[2] / "benchmarks" / "paired_motions.py"
-    spec = importlib.util.spec_from_file_location("paired_motions", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.slow
 def test_limits_hold_where_an_event_of_two_components_is_one_motion():
     """Of 200 suites of 20 events at least 90 %; each component for itself covers the median in fewer."""
-    script = benchmark()
+    script = benchmark("paired_motions")
     grouped, single = (script.events_hold(20, 200, 3, grouped=grouped) for grouped in (True, False))
     assert min(grouped.values()) >= 0.9
     assert single["median"] < grouped["median"] - 0.03
