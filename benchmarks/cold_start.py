@@ -1,6 +1,6 @@
 """The first answer on a new machine, and what a command takes once its machine code is there.
 
-python benchmarks/cold_start.py            the table of docs/benchmarks.md
+python benchmarks/cold_start.py            the table in docs/benchmarks
 python benchmarks/cold_start.py --kernels  seconds of compiling by kernel, in one process
 """
 
@@ -92,6 +92,7 @@ those of helpers that compile beside the first process.
 
 {table(["command", "first, s", "first, processor s", "then, s"], lines)}
 """,
+        page=None,
     )
 
 

@@ -4,7 +4,7 @@ Its speed and error beside the density solver's, both against the 10^7 paths in 
 Every row has a process to itself.
 
     python benchmarks/eulerian.py          # 2 to 3 minutes; writes its section of docs/benchmarks.md
-    python benchmarks/eulerian.py --all    # 12 minutes; the section of the finer meshes as well
+    python benchmarks/eulerian.py --all    # 12 minutes; the table of the finer meshes as well
 """
 
 import concurrent.futures
@@ -200,6 +200,7 @@ As above, with the meshes of the density solver (`python benchmarks/eulerian.py 
 
 {remark}
 """,
+        page=None,
     )
 
 

@@ -205,7 +205,7 @@ probability in {100.0 * least:.1f} % of {repeats:,} repetitions or more
 
 {lines}
 """
-    write_section("Coverage of the stopping rule of probability", body)
+    write_section("Coverage of the stopping rule of probability", body, page=None)
 
 
 def _answers(options, wanted):
@@ -290,7 +290,7 @@ scenes): median {statistics.median(ratios) if ratios else math.nan:.2f}, largest
         )
     }
 """
-    write_section(f"Probability of overturning, {asked}", body, values={"rows": results})
+    write_section(f"Probability of overturning, {asked}", body, page=None, values={"rows": results})
 
 
 def main():

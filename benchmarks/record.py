@@ -1,4 +1,4 @@
-"""Survival under the project's record by `solve_fpk` and white-noise paths; writes its section of docs/benchmarks.md.
+"""Survival under the project's record by `solve_fpk` and white-noise paths; writes its table into docs/benchmarks.
 
 The scene is `cases/scenes/record.toml`, a rack of 0.5 m by 1.8 m under the synthetic record of 40 s with white noise
 that rises and dies away, at scales of the record at which nearly all blocks stand to nearly all overturn. Paths are
@@ -105,7 +105,7 @@ def main():
         f"means within tol and {SIGMAS} standard errors at each. *Peak* is the largest |f|; seconds are processor "
         "time. `benchmarks/record.py`.\n\n" + table(COLUMNS, rows)
     )
-    write_section(TITLE, body)
+    write_section(TITLE, body, page=None)
 
 
 if __name__ == "__main__":
