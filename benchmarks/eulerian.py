@@ -3,7 +3,7 @@
 Its speed and error beside the density solver's, both against the 10^7 paths in tests/data, and the orders observed.
 Every row has a process to itself.
 
-    python benchmarks/eulerian.py          # 2 to 3 minutes; writes its section of docs/benchmarks.md
+    python benchmarks/eulerian.py          # 2 to 3 minutes; writes its tables into docs/benchmarks
     python benchmarks/eulerian.py --all    # 12 minutes; the table of the finer meshes as well
 """
 
@@ -184,6 +184,7 @@ The order in the step, on 16 × 28 cells of degree 3, against {CONVERGED} steps 
   cycle, where GMRES needs 3,300.
 * SDIRK of order 4 with 32 steps a cycle (160 solves): twice the error of Gauss with 64.
 """,
+        page=None,
     )
 
 

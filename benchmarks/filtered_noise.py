@@ -1,4 +1,4 @@
-"""Filtered noise by `solve_fpk` and by sampling, with and without rest; writes its section of docs/benchmarks.md.
+"""Filtered noise by `solve_fpk` and by sampling, with and without rest; writes its table into docs/benchmarks.
 
 Random scenes start at rest with phase 0 and are followed for ten cycles. Paths of the engine `filtered` take 1,600
 steps a cycle: the share of blocks at rest converges slowly in them, and eight times the usual number leaves .002.
@@ -100,7 +100,7 @@ def main():
                 print(*row, inside, flush=True)
     text = section(rows, inside_by_scene, options.seed, options.paths)
     if options.seed == SEED:
-        write_section("Density solver: filtered noise", text)
+        write_section("Density solver: filtered noise", text, page=None)
     else:
         print(text)
 
