@@ -118,7 +118,6 @@ ALLOWED = {
     "docs/related.md": dict.fromkeys(("105087", "122", "719", "727", "117", "125"), "volumes and pages of papers"),
     "docs/validation.md": {
         "1e-12": "docs/monte_carlo.md",
-        "2.1": "title of docs/benchmarks/convergence.png",
         "5e-8": "docs/benchmarks/one_cycle_operator.json, rounded",
     },
     "docs/world.md": {
