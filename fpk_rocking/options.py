@@ -147,7 +147,7 @@ _REPLACED = {"amplitude": 1.0, "frequency": 1.0}
 def arguments_by_name():
     """Keyword arguments of argparse for each entry of `_OPTIONS`, by its name, such as "--tol"."""
     arguments: dict[str, dict[str, Any]] = {}
-    types = {"int": int, "float": float, "path": pathlib.Path, "": None}
+    types = {"int": _whole, "float": _real, "path": pathlib.Path, "": None}
     marks = {"+": {"nargs": "+"}, "*": {"action": "append"}, "": {}}
     for entry in re.split(r"\n(?=\S)", _OPTIONS.strip()):
         head, text = re.split(r"\s{2,}", entry, maxsplit=1)
@@ -156,6 +156,22 @@ def arguments_by_name():
         own = {"metavar": metavar, "type": types[kind]} if form else {"action": "store_true", "default": None}
         arguments[name] = {"help": " ".join(text.split())} | own | marks[mark]
     return arguments
+
+
+def _real(text):
+    """Number of a text; argparse puts the name of the option before the refusal."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r}, accepted: a number without a unit") from None
+
+
+def _whole(text):
+    """Whole number of a text, as `_real`."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text!r}, accepted: a whole number") from None
 
 
 class Parser(argparse.ArgumentParser):
@@ -280,6 +296,16 @@ def cases_of(options):
         return [(*pair, motions[0]) for pair in zip(names, scenes, strict=True)], ()
     across = varied(scenes[0], "width", in_units("--depth", _setting(f"depth={depth}")[1], "length"))
     return [(f"{name}_width", scenes[0], motions[0]), (f"{name}_depth", across, motions[1])], turns
+
+
+def events_of(options, records):
+    """Labels of --events, one for each of some records; None without it."""
+    each, count = options.events, len(records)
+    if each is None:
+        return None
+    if each < 1 or not count or count % each:
+        raise ValueError(f"--events: got {each}, accepted: a number of which the {count} records are a multiple")
+    return [place // each for place in range(count)]
 
 
 def rows_of(options, scene):

@@ -9,6 +9,7 @@ import importlib.metadata
 import json
 import math
 import pathlib
+import re
 
 import numpy as np
 
@@ -28,6 +29,9 @@ _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
     "side, 1 at full height. The arrow keys move the slider, too."
 )
+_NUMBER = re.compile(r"(none|-?[\d.,]+(e[+-]?\d+)?([ –].*)?)?")
+"""A cell of a table that holds a number, with its unit or another number behind it."""
+
 _HERE = pathlib.Path(__file__).parent
 
 
@@ -98,15 +102,21 @@ def table_html(columns):
     """Return the table of columns (n,) by name as HTML, without those that are empty or unknown throughout."""
     texts = {name: [_text(value) for value in np.asarray(column).tolist()] for name, column in columns.items()}
     texts = {name: column for name, column in texts.items() if any(column)}
-    head = "".join(f"<th>{html.escape(_column_label(name))}</th>" for name in texts)
-    left = [
-        " class='text'" * any(text[:1].isalpha() and text != "none" for text in column) for column in texts.values()
-    ]
+    left = [_look(column) for column in texts.values()]
+    heads = zip(left, map(_column_label, texts), strict=True)
+    head = "".join(f"<th{look}>{html.escape(label)}</th>" for look, label in heads)
     rows = (
         "".join(f"<td{look}>{html.escape(text)}</td>" for look, text in zip(left, row, strict=True))
         for row in zip(*texts.values(), strict=True)
     )
     return f"<div class='wide'><table><tr>{head}</tr>{''.join(f'<tr>{row}</tr>' for row in rows)}</table></div>"
+
+
+def _look(column):
+    """Class of the cells of a column, texts, as HTML: none for numbers, "word" for short texts, else "text"."""
+    if all(map(_NUMBER.fullmatch, column)):
+        return ""
+    return f" class='{'text' if max(map(len, column)) > 12 else 'word'}'"
 
 
 def _column_label(name):

@@ -130,7 +130,7 @@ class Building:
     damping : float
         In parts of the critical one, as .05.
     factor : float
-        Γφ: participation factor times mode shape at the floor, about 1.3 at the top, below 1 further down.
+        Γφ: participation factor times mode shape at the floor, about 1.3 at the top, 0 on the ground.
 
     Examples
     --------
@@ -147,7 +147,7 @@ class Building:
     def __post_init__(self):
         checks.keep_numbers(self, "building", "period", at_least=0.02, at_most=20.0)
         checks.keep(self, damping=checks.part("building.damping", self.damping))
-        checks.keep_numbers(self, "building", "factor", above=0.0, at_most=10.0)
+        checks.keep_numbers(self, "building", "factor", at_least=0.0, at_most=10.0)
 
     def __str__(self):
         return f"T = {self.period:g} s, ζ = {self.damping:g}, Γφ = {self.factor:g}"

@@ -142,6 +142,10 @@ class Hazard:
         try:
             intensity, rate, measure, note = read(file.read_text(encoding="utf-8-sig"), site)
             return cls(intensity, rate, file.name, measure, note)
+        except FileNotFoundError:
+            raise FileNotFoundError(f"hazard: no file {str(path)!r}") from None
+        except OSError as error:
+            raise OSError(f"hazard: {str(path)!r} cannot be read ({error.strerror})") from None
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 

@@ -219,9 +219,9 @@ def recorded_scenes(
     """Return a scene under each of several motions, with the default number of harmonics for each where it has one."""
     for name, beside in (("vertical", vertical), ("ground", ground)):
         _check_beside(name, beside, records, building)
-    given = *records, *ground
-    files = [(motion, False) for motion in given] + [(motion, True) for motion in vertical]
-    read = _read([pair for pair in files if not isinstance(pair[0], Forcing)], units, interval, component)
+    given, lists = (*records, *ground), {"records": records, "ground": ground, "vertical": vertical}
+    files = [(name, motion) for name, of in lists.items() for motion in of if not isinstance(motion, Forcing)]
+    read = _read(files, units, interval, component)
     motions = [motion if isinstance(motion, Forcing) else read[str(motion), False] for motion in given]
     for place, motion in enumerate(vertical):
         upward = motion if isinstance(motion, Forcing) else read[str(motion), True]
@@ -256,15 +256,19 @@ def _check_beside(name, motions, records, building):
 
 
 def _read(files, units, interval, component):
-    """Records of files, by name and whether it is a vertical one; ValueError lists all files that are refused."""
+    """Records of files, with the names of their lists, by name and whether it is a vertical one.
+
+    ValueError lists all files that are refused.
+    """
     stated: dict[str, Any] = {"units": units, "interval": interval, "where_unstated": True}
     read, refused = {}, []
-    for file, upright in files:
-        which = {"upright": True} if upright else {"component": component}
+    for name, file in files:
+        which = {"upright": True} if name == "vertical" else {"component": component}
         try:
-            read[str(file), upright] = Record.from_file(file, **stated, **which)
+            read[str(file), name == "vertical"] = Record.from_file(file, **stated, **which)
         except (ValueError, OSError) as error:
-            refused.append(error)
+            text = re.sub("^forcing.file: ", f"{name}: ", str(error))
+            refused.append(OSError(text) if isinstance(error, OSError) else ValueError(text))
     if len(refused) > 1:
         listed = f"(a line for each: fpk-rocking records): {'; '.join(map(str, refused))}"
         raise ValueError(f"records: {len(refused)} of {len(files)} files are refused {listed}")

@@ -214,8 +214,7 @@ def _curve(axes, result, m, which, colour, marker, *, fit):
 
 def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     """Draw an `IntensityCurve` on matplotlib `axes`: the probability with its limits, and the curve that is used."""
-    grid = np.geomspace(0.8 * curve.intensity[0], 1.25 * curve.intensity[-1], 300)
-    searched = curve.jumps.size > 0
+    grid, searched = _grid([curve]), curve.jumps.size > 0
     if searched and len(records) > 1:
         label = f"share of the {len(records)} motions"
         axes.plot(*curve.outcomes[:2], color="0.6", linewidth=0.8, label=label)
@@ -238,13 +237,18 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     axes.plot(grid, curve(grid), color="black", label="lognormal fit" if curve.fitted else "points joined by lines")
     axes.set(xlabel=curve.measure + f", {curve.unit}" * bool(curve.unit), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
     logarithmic(axes.set_xscale, axes.xaxis)
-    axes.legend(loc="upper left", fontsize=8)
+    axes.legend(loc="best", fontsize=8)
+
+
+def _grid(curves):
+    """Intensities (400,) over all points of `IntensityCurve`s, and over all at which an outcome is known."""
+    ends = np.concatenate([places[[0, -1]] for curve in curves for places in (curve.intensity, curve.outcomes[0])])
+    return np.geomspace(0.8 * ends.min(), 1.25 * ends.max(), 400)
 
 
 def draw_curves(axes: Any, curves: Mapping[str, Any]) -> None:
     """Draw `IntensityCurve`s by their names on matplotlib `axes`: outcomes or points, and the curve that is used."""
-    ends = np.concatenate([curve.outcomes[0][[0, -1]] for curve in curves.values()])
-    grid = np.geomspace(0.8 * ends.min(), 1.25 * ends.max(), 400)
+    grid = _grid(curves.values())
     for (name, curve), colour in zip(curves.items(), itertools.cycle(pictures.COLOURS), strict=False):
         look = {"linewidth": 0.7} if curve.jumps.size else {"linestyle": "", "marker": "o", "markersize": 4.0}
         axes.plot(*curve.outcomes[:2], color=colour, alpha=0.5, **look)

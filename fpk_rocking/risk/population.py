@@ -186,16 +186,21 @@ class IntensityCurve(Result):
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
-        diagnostics = list(self.model)
-        if self.fit.rejected:
-            sentence = f"The lognormal fit is rejected ({self.fit.rejected}): it is off by up to {self.fit.misfit:.2g}."
-            diagnostics.append(Diagnostic(CAUTION, f"{sentence} Use the probabilities themselves.", "fit"))
         half = float(0.5 * np.diff(self.interval).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else "scene"
         sentence = (
             f"For others of their kind {self.units} {what} tell the probabilities to ±{half:.2g} at worst (95 %)."
         )
-        return [*diagnostics, Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
+        few = Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)
+        return [*self.model, *self.fit_diagnostics, few]
+
+    @property
+    def fit_diagnostics(self) -> list[Diagnostic]:
+        """A list with a `Diagnostic` where the data reject the lognormal fit."""
+        sentence = (
+            f"The lognormal fit is rejected ({self.fit.rejected}): it is off by up to {self.fit.misfit:.2g}. Use "
+        )
+        return [Diagnostic(CAUTION, f"{sentence}the probabilities themselves.", "fit")] * bool(self.fit.rejected)
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -224,8 +229,13 @@ class IntensityCurve(Result):
 
     @property
     def point_limits(self) -> Array:
-        """95 % limits (n, 2) of each probability by its own outcomes: Clopper's and Pearson's, of one scene its own."""
-        return binomial_limits(self.probability, self.units) if self.units > 1 else self.interval
+        """95 % limits (n, 2) of each probability by its own outcomes: Clopper's and Pearson's.
+
+        Of one scene those of its paths, and nan without noise: one outcome has none.
+        """
+        if self.units > 1:
+            return binomial_limits(self.probability, self.units)
+        return np.full_like(self.interval, math.nan) if len(self.jumps) else self.interval
 
     def derived(self) -> dict[str, Any]:
         """Probability with its own limits, and the lognormal fit with those of the curve; nan without a fit."""

@@ -38,6 +38,9 @@ from fpk_rocking.risk.hazard import (
 from fpk_rocking.risk.hazard_files import units_of
 from fpk_rocking.risk.population import IntensityCurve
 
+_FEW, _MOST = 0.05, 0.5
+"""Parts of a rate that are told, and from which on it is not to be used, where they come from an extrapolation."""
+
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Risk(Result):
@@ -48,7 +51,8 @@ class Risk(Result):
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits by the replicates of the curve, or without a fit by its `limits`; the hazard is taken as exact.
+        95 % limits by the replicates of the curve, or without a fit by its `limits`; the hazard is taken as exact. They
+        contain the rate; nan for one block under one motion without noise, which has none.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
@@ -102,32 +106,42 @@ class Risk(Result):
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic`: large shares of the rate from beyond the points of hazard or fragility.
 
-        Above .05 there is caution. Above .5 the rate is made of an extrapolation and not to be used: for the hazard, if
-        `by_other_slopes` differ by more than a factor of 7, or another unit of its intensities would fit.
+        Above .05 there is caution if the rate depends on them. Above .5 it is made of an extrapolation and not
+        to be used: for the hazard, if `by_other_slopes` differ by more than a factor of 7, or another unit of its
+        intensities would fit. A rejected fit, and a rate outside the limits of the lognormal curve, are cautions, too.
         """
-        lognormal = "its lognormal curve goes on"
-        points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
-        fitted = self.curve.fitted and not self.curve.by_points
-        against, shares = [], {"the hazard curve": self.beyond_hazard, "the fragility": self.beyond_curve}
-        for what, share in shares.items():
-            text = f"{100.0 * share:.0f} % of the rate comes from intensities beyond the points of {what}, where "
-            useless, unit = share > 0.5, ""
-            if share <= 0.05:
-                continue
-            if what == "the fragility":
-                text += lognormal if fitted else points
-            else:
-                low, high = self.by_other_slopes
-                text += "its power laws go on"
-                unit = self._other_unit() if useless else ""
-                if not unit:
-                    text += "; with half and with twice their exponents there the rate is "
-                    text += f"{rate_text(low)} to {rate_text(high)}"
-                # As a standard error of ln(rate) of .5, the limit of `rate_error`.
-                useless = bool(unit) or (useless and high > low * math.exp(2.0 * 1.96 * 0.5))
-            advice = ": give more of them" * (useless or what == "the fragility")
-            text = f"{unit} {text}." if unit else f"{text}{advice}."
-            against.append(Diagnostic(UNUSABLE if useless else CAUTION, text, what))
+        against, share = list(self.curve.fit_diagnostics), self.beyond_hazard
+        parts = "{:.0f} % of the rate comes from intensities beyond the points of "
+        if share > _FEW:
+            low, high = self.by_other_slopes
+            text = f"{parts.format(100.0 * share)}the hazard curve, where its power laws go on"
+            unit = self._other_unit() if share > _MOST else ""
+            # As a standard error of ln(rate) of .5, the limit of `rate_error`.
+            useless = bool(unit or (share > _MOST and high > low * math.exp(2.0 * 1.96 * 0.5)))
+            slopes = f"with half and with twice their exponents there the rate is {rate_text(low)} to {rate_text(high)}"
+            text = f"{unit} {text}." if unit else f"{text}; {slopes}{': give more of them' * useless}."
+            if useless or high > (1.0 + _FEW) * low:
+                against.append(Diagnostic(UNUSABLE if useless else CAUTION, text, "the hazard curve"))
+        doubt, fitted = self.beyond_curve, self.curve.fitted and not self.curve.by_points
+        if not fitted:
+            # Above the last probability it can rise to 1, and no further.
+            last = float(self.curve.probability[-1])
+            above = doubt - self.below_curve
+            doubt = self.below_curve + (above * (1.0 / last - 1.0) if last > 0.0 else above)
+        if doubt > _FEW:
+            law = "its lognormal curve goes on"
+            points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
+            text = f"{parts.format(100.0 * self.beyond_curve)}the fragility, where {law if fitted else points}"
+            severity = UNUSABLE if doubt > _MOST else CAUTION
+            against.append(Diagnostic(severity, f"{text}: give more of them.", "the fragility"))
+        widened = self.curve.fitted and bool(self.curve.jumps.size or self.curve.by_points)
+        if widened and self.rate > 0.0 and self.rate in self.interval:
+            side = "above" if self.rate == self.interval[1] else "below"
+            text = f"The rate by the outcomes is {side} the 95 % limits of the lognormal curve, which gives "
+            text += (
+                f"{rate_text(self.exported_rate)} and is off by up to {self.curve.fit.misfit:.2g} in probability: on "
+            )
+            against.append(Diagnostic(CAUTION, f"{text}that side the limit is not known.", "lognormal rate"))
         return against
 
     @functools.cached_property
@@ -164,9 +178,11 @@ class Risk(Result):
             return 1.0
 
     @property
-    def rate_error(self) -> float:
-        """Standard error of the logarithm of the rate, from its interval; inf where that begins at 0."""
+    def rate_error(self) -> float | None:
+        """Standard error of the logarithm of the rate, from its interval; inf if that begins at 0, None without one."""
         low, high = self.interval
+        if math.isnan(low):
+            return None
         return math.inf if low <= 0.0 else math.log(high / low) / (2.0 * 1.96)
 
     @property
@@ -183,15 +199,17 @@ class Risk(Result):
             through = "the lognormal curve"
         else:
             through = "the points, joined by lines"
-        at_once = " (all probabilities at their lower, or all at their upper limits, as there is no fit)"
-        limits = f"; the limits contain the sampling of {sampled}{at_once * (not self.curve.fitted)}" * bool(sampled)
+        at_once = "all probabilities at their lower, or all at their upper limits, as there is no fit"
+        by = "by the lognormal curve" if self.curve.fitted else at_once
+        limits = f"; the limits ({by}) contain the sampling of {sampled}" * bool(sampled)
         text = (
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
             "The hazard and the model of the block count as known."
         )
         text += f" {self.hazard.note}" * bool(self.hazard.note)
         if self._two_rates:
-            text += " Files for OpenQuake and pelicun carry the lognormal curve."
+            text += " Files for OpenQuake and pelicun carry the lognormal curve, by which the rate is "
+            text += f"{rate_text(self.exported_rate)}."
         elif self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02:
             text += " By the points of the curve, which files for OpenQuake and pelicun carry, the rate is "
             text += f"{rate_text(self.exported_rate)}."
@@ -228,9 +246,6 @@ class Risk(Result):
         low, high = self.interval
         if self.rate > 0.0:
             years, probability = f"{years_text(self.return_period, 3)} years", f"{self.probability():.2g}"
-            if self._two_rates:
-                years += f", by the curve {years_text(1.0 / self.exported_rate, 3)}"
-                probability += f", by the curve {-math.expm1(-50.0 * self.exported_rate):.2g}"
             if low > 0.0:
                 years += f" ({years_text(1.0 / high, 2)} to {years_text(1.0 / low, 2)})"
                 probability += f" ({-math.expm1(-50.0 * low):.2g} to {-math.expm1(-50.0 * high):.2g})"
@@ -253,14 +268,8 @@ class Risk(Result):
             return f"no annual rate of {name}: no motion overturned the block up to the highest intensity"
         if not self.rate > 0.0:
             return f"annual rate of {name} below {high} (95 %: none of {self.curve.units} overturned)"
-        limits = f" (95 %: {low} to {high})" if math.isfinite(self.interval[0]) else ""
-        rate = rate_text(self.rate)
-        if self._two_rates:
-            own = "the motions" if self.curve.records > 1 else "the points"
-            return (
-                f"annual rate of {name} = {rate} by {own}, {rate_text(self.exported_rate)}{limits} by a lognormal curve"
-            )
-        return f"annual rate of {name} = {rate}{limits}"
+        limits = f"95 %: {low} to {high}" if math.isfinite(self.interval[0]) else "no limits"
+        return f"annual rate of {name} = {rate_text(self.rate)} ({limits})"
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -382,7 +391,7 @@ def _by_jumps(curve, hazard, limits):
     rates, lowest = above(0.0), np.nanmin(curve.jumps)
     rate = float(rates.mean())
     # The limits are those of the population's curve; the mean over these motions is a point of them.
-    limits = (rate, rate) if curve.units == 1 else (min(limits[0], rate), max(limits[1], rate))
+    limits = (math.nan, math.nan) if curve.units == 1 else (min(limits[0], rate), max(limits[1], rate))
     ends = []
     for part in (1.0 - 5e-4, 5e-4):
         left, right = math.log(lowest), min(hazard.last_log(math.log(lowest)), LARGEST)
@@ -403,5 +412,10 @@ def years_text(years: float, digits: int) -> str:
 
 
 def rate_text(rate: float) -> str:
-    """Return a rate as a text of three digits, as "1.23e-4"."""
-    return f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
+    """Return a rate as a text of three digits, as "1.23e-4"; "-" of nan."""
+    return "-" if math.isnan(rate) else f"{rate:.2e}".replace("e-0", "e-").replace("e+00", "")
+
+
+def number_text(value: float) -> str:
+    """Return a number as a text of four digits, a small one as rates are, as "1.23e-4"; empty of nan and inf."""
+    return f"{value:.4g}".replace("e-0", "e-") if math.isfinite(value) else ""

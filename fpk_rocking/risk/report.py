@@ -3,6 +3,7 @@
 import html
 import importlib.metadata
 import math
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +18,7 @@ from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.risk.anchor import lift_off_g
 from fpk_rocking.risk.motions import intensity_of, motion_lines, motion_names
 from fpk_rocking.risk.picture import draw_curve, logarithmic
+from fpk_rocking.risk.rate import number_text, rate_text
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY, Dimensions
@@ -34,6 +36,10 @@ _LEFT = (
 )
 
 
+_LINE = 32
+"""Letters of the name of a motion beside its picture that stand on a line."""
+
+
 def write_risk_report(path: File, study: Any, command: str = "") -> int:
     """Write the report of a study of risk as one HTML file, complete or not at all."""
     risk, curve, scenes = study.risk, study.curve, study.motions
@@ -46,22 +52,19 @@ def write_risk_report(path: File, study: Any, command: str = "") -> int:
         f"<p>{html.escape(_untitled(first, study.title))}</p>",
         f"<p>{html.escape(study.about_correction)}</p>" * bool(study.about_correction),
         study.trust.html,
-        f"<p>{html.escape(' '.join(study.block_sentences))}</p>",
         *[table_html(_asked(study))] * bool(study.asked.size),
-        f"<p>{html.escape(study.origin())}</p>",
-        "<h2>Block</h2>",
-        _block(study.scene, study.draws),
-        "<h2>Motions</h2>",
-        f"<p>{_motions_text(study)}</p>",
-        _picture(lambda figure, axes: draw_motions(axes, study.recorded, figure), "Accelerations of the motions"),
-        table_html(_motions(study)),
-        f"<p>{html.escape(study.about_critical)}</p>",
+        f"<p>{html.escape(' '.join(study.block_sentences))}</p>",
         f"<h2>P({html.escape(curve.name)})</h2>",
         _picture(lambda _, axes: draw_curve(axes, curve, study.records), "Probability against intensity"),
         "".join(f"<p>{html.escape(text)}</p>" for text in words if text not in lines),
         _sources(curve),
         table_html(_points(curve)),
         *(_hazard(risk) if risk else ()),
+        "<h2>Block</h2>",
+        _block(study.scene, study.draws),
+        "<h2>Motions</h2>",
+        f"<p>{_motions_text(study)}</p>",
+        _folded_motions(study.recorded, _motions(study), study.about_critical),
         "<h2>What is left out</h2>",
         f"<p>{html.escape(left_out(scenes, scatter=not _scatters(study.draws)))} {_LEFT}</p>",
         "<h2>How it was made</h2>",
@@ -97,17 +100,15 @@ def write_designs_report(path: File, designs: Any, command: str = "") -> int:
             f"<h2>{html.escape(one.name)}</h2>",
             f"<p>{html.escape(one.title[0].upper() + one.title[1:])}.</p>",
             one.trust.html,
-            f"<p>{html.escape(' '.join(one.block_sentences))}</p>",
             *[table_html(_asked(one))] * bool(one.asked.size),
+            f"<p>{html.escape(' '.join(one.block_sentences))}</p>",
             _block(one.scene, one.draws),
             f"<p><a href='{html.escape(one.name)}/report.html'>All of {html.escape(one.name)}</a></p>",
         ]
     parts += [
         "<h2>Motions</h2>",
         f"<p>{_motions_text(first)}</p>",
-        _picture(lambda figure, axes: draw_motions(axes, first.recorded, figure), "Accelerations of the motions"),
-        f"<p>{html.escape(designs.about_motions)}</p>",
-        table_html(motions),
+        _folded_motions(first.recorded, motions, designs.about_motions),
         f"<p>{html.escape(left_out([one.scene for one in designs.studies]))} {_LEFT}</p>",
         f"<p>{html.escape(first.origin(command))}</p>",
         json_html("summary", designs.summary()),
@@ -129,6 +130,13 @@ def _scatters(draws):
     return draws is not None and any(name.startswith("block.restitution") for name in draws.values)
 
 
+def _folded_motions(scenes, columns, about):
+    """Return picture and table of the motions of scenes, with a text about its columns, as HTML to be unfolded."""
+    picture = _picture(lambda figure, axes: draw_motions(axes, scenes, figure), "Accelerations of the motions")
+    table = f"{table_html(columns)}<p>{html.escape(about)}</p>{picture}"
+    return f"<details><summary>Each motion: table and picture</summary>{table}</details>"
+
+
 def _picture(panel, meaning):
     """Return a picture as HTML text, drawn by `panel`, a function of a figure and its axes."""
     return picture_html(figure_of(panel), meaning, dots=150)
@@ -139,7 +147,7 @@ def _hazard(risk):
     yield "<h2>Hazard and risk</h2>"
     yield _picture(lambda _, axes: draw_contributions(axes, risk), "Contributions to the rate, and the hazard")
     measure, hazard = f"{risk.curve.measure}, {risk.curve.unit}", risk.hazard
-    table = {measure: _digits(hazard.intensity), "exceeded, 1/year": _digits(hazard.rate)}
+    table = {measure: _digits(hazard.intensity), "exceeded, 1/year": np.array(list(map(rate_text, hazard.rate)))}
     law = f"<p>Exceeded {hazard.law} times a year (im in {risk.curve.unit}).</p>"
     if hazard.law:
         yield law
@@ -282,8 +290,8 @@ def _points(curve):
 
 
 def _digits(values):
-    """Return numbers (n,) as an array of texts with four significant digits, nan and inf as empty ones."""
-    return np.array([f"{value:.4g}" if math.isfinite(value) else "" for value in values])
+    """Return numbers (n,) as an array of their texts."""
+    return np.array(list(map(number_text, values)))
 
 
 def risk_figure(path: File, study: Any) -> None:
@@ -321,8 +329,12 @@ def draw_contributions(axes: Any, risk: Any) -> None:
 def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None:
     """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak."""
     motions = [scene for scene in scenes if scene.block.size is not None]
+    peaks = [intensity_of(scene, "PFA") for scene in motions]
+    named = zip(motion_names(motions), peaks, strict=True)
+    names = ["\n".join([*textwrap.wrap(name, _LINE), f"{peak:.3g} g"]) for name, peak in named]
     if figure is not None:
-        figure.set_size_inches(7.0, 1.0 + 0.42 * len(motions))
+        lines = max((name.count("\n") for name in names), default=0)
+        figure.set_size_inches(7.0, 1.0 + (0.3 + 0.12 * lines) * len(motions))
     for place, scene in enumerate(motions):
         motion, size = scene.forcing, not_none(scene.block.size)
         span = motion.duration if np.isfinite(motion.duration) else 5.0 * motion.time_scale
@@ -333,17 +345,10 @@ def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None
             times = np.linspace(0.0, span, 2000)
             force = np.array([motion.value(time) for time in times])
         axes.plot(size.seconds(times), 0.5 * force / motion.largest - place, color=pictures.COLOURS[0], linewidth=0.5)
-    peaks = [intensity_of(scene, "PFA") for scene in motions]
-    names = [f"{_shortened(name)}\n{peak:.3g} g" for name, peak in zip(motion_names(motions), peaks, strict=True)]
     axes.set(xlabel="time, s", ylim=(0.4 - len(motions), 0.6))
     axes.set_yticks([-place for place in range(len(motions))], names, fontsize=7)
     axes.set_title("Each motion in parts of its own peak", fontsize=9)
     axes.grid(visible=False, axis="y")
-
-
-def _shortened(name):
-    """Return a `name` with at most 32 letters: of a longer one its begin and its end."""
-    return name if len(name) <= 32 else f"{name[:16]}…{name[-15:]}"
 
 
 def _name(risk):

@@ -169,7 +169,7 @@ class Study(Result):
     def diagnostics(self) -> list[Diagnostic]:
         """A list of `Diagnostic`: of scenes, engine, records, and the error of the rate, or without a hazard the curve.
 
-        A rate does not depend on the lognormal fit where that is rejected, nor on the error of one probability.
+        A rate does not depend on the error of one probability.
         """
         if self.risk is None:
             return [*self.curve.diagnostics, *self.model_diagnostics()]
@@ -183,6 +183,8 @@ class Study(Result):
         against, count, motions = [], self.curve.records, [scene.forcing for scene in self.motions]
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
+            if self.curve.units == 1 and len(self.curve.jumps):
+                sentence = "One motion has no limits: how much another one differs is not known."
             against.append(Diagnostic(CAUTION, sentence, "one record"))
         same = len(motions) - len(dict.fromkeys(motions))
         if same:
@@ -311,7 +313,8 @@ class Study(Result):
     def block_sentences(self) -> list[str]:
         """Sentences on what begins to move the block, and on ties where there are intensities that were asked for."""
         level, friction = lift_off_g(self.scene.block), self.scene.block.least_friction
-        text = f"The block lifts off at {level:.3g} g. With a coefficient of friction below {friction:.3g} it slides "
+        text = f"The block lifts off at {level:.3g} g{self._lift_off_on_ground(level)}. "
+        text += f"With a coefficient of friction below {friction:.3g} it slides "
         tied = (
             "Ties are rigid and without slack, their forces static, at the largest peak acceleration of the motions; a "
         )
@@ -321,13 +324,24 @@ class Study(Result):
         text += " This, and forces of ties, are without the vertical motions." * self._lifted
         return [text, *[tied] * bool(self.asked.size)]
 
+    def _lift_off_on_ground(self, level):
+        """Return the intensities at which motions of a floor reach a `level` (g) there, as a text; or an empty one."""
+        floors = [scene for scene in self.recorded if isinstance(scene.forcing, FloorMotion)]
+        measure = self.curve.measure
+        if not floors or measure in FLOOR:
+            return ""
+        least = [level * intensity_of(scene, measure) / intensity_of(scene, "PFA") for scene in floors]
+        places = " to ".join(dict.fromkeys([f"{min(least):.3g}", f"{max(least):.3g}"]))
+        return f" on the floor, reached at {measure} {places} {self.curve.unit}".rstrip() + " on the ground"
+
     @property
     def block_lines(self) -> list[str]:
         """`block_sentences`, and of each intensity that was asked for the probability with its limits, and the tie."""
         curve, lines = self.curve, self.block_sentences
         for value, share, low, high, peak, *forces in zip(*self.at_asked.values(), strict=True):
-            text = f"At {curve.measure} {value:.4g} {curve.unit}: P({curve.name}) {share:.3g} (95 %: {low:.2g} to "
-            text += f"{high:.2g}); peak acceleration up to {peak:.3g} g, "
+            limits = f"95 %: {low:.2g} to {high:.2g}" if math.isfinite(low) else "one motion, no limits"
+            text = f"At {curve.measure} {value:.4g} {curve.unit}: P({curve.name}) {share:.3g} ({limits}); "
+            text += f"peak acceleration up to {peak:.3g} g, "
             (top, edge), (where, down) = map(self.force_text, forces), self.tie
             held = f"a tie of {top} {where}, or of {edge} {down}, holds it" if forces[0] else "it does not lift off"
             lines.append(f"{text}{held}.")
@@ -622,6 +636,9 @@ def study(
     check_name(name)
     mass = None if mass is None else checks.number("mass", mass, above=0.0)
     measure = measure_of(measure).name
+    if intensities is not None:
+        listed = np.asarray(intensities).tolist()
+        intensities = sorted(checks.several("intensities", listed, most=10_000, above=0.0))
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
     if exceeded is not None:
         exceeded.check_measure(measure)
@@ -650,7 +667,7 @@ def study(
         curve = IntensityCurve.of(curves, measure, draws=draws, events=events, samples=1)
         return annual_frequency(dataclasses.replace(curve, by_points=True), not_none(exceeded))
 
-    asked = None if intensities is None else np.sort(np.asarray(intensities, float))
+    asked = None if intensities is None else np.array(intensities)
     asked_for = np.empty(0) if asked is None else asked
     if deterministic:
         curves, added, moved = sample(np.ones(1) if asked is None else asked, 0), 0, 0.0

@@ -284,8 +284,11 @@ class Scene:
             raise ValueError(f"not valid TOML: {error}") from None
         for name, value in (changes or {}).items():
             change_document(document, name, value)
-        if "noise" not in document and document.keys() <= {field.name for field in dataclasses.fields(cls)}:
-            raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
+        if document.keys() <= {field.name for field in dataclasses.fields(cls)}:
+            if "noise" not in document:
+                raise ValueError('noise: missing, required: [noise]; kind = "none" says that there is none')
+            if "forcing" not in document:
+                raise ValueError("forcing: missing, required: [forcing], or recorded motions in its place (--records)")
         tables = checks.arguments("", document, cls)
         block = READERS["block"]("block", tables.pop("block"), folder)
         parts = {"block": block}

@@ -1,6 +1,7 @@
 """Files of recorded motions in the shell: `records`, and what `risk` and `fragility` make of several of them."""
 
 import json
+import pathlib
 
 import numpy as np
 import pytest
@@ -110,7 +111,7 @@ def test_what_files_leave_open_is_given_in_the_shell_and_all_bad_ones_are_named(
     for command in (curves, ["risk", str(rack), "--hazard", "1e-3:2", "--records"]):
         assert main([*command, *files.values()]) == 2
         err = capsys.readouterr().err
-        assert "records: 5 of 6 files are refused (a line for each: fpk-rocking records): forcing.file: " in err
+        assert "records: 5 of 6 files are refused (a line for each: fpk-rocking records): records: '" in err
         for name in ("three.csv", "bare.th", "cut.AT2", "up.AT2", "velocity.txt"):
             assert name in err
     for option, value in (("units", "gal"), ("interval", "0.02")):
@@ -132,3 +133,27 @@ def test_a_scene_file_takes_the_same_keys(tmp_path):
     assert (own.interval, own.units) == (0.02, "%g")
     with pytest.raises(ValueError, match=r"forcing.interval: missing, the file '.*bare.th' does not say it"):
         Scene.from_toml(bare.replace("interval", "scale"), folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--records", "no.AT2"], "records: no file 'no.AT2'"),
+        (["--records", "one.AT2", "--ground", "no.AT2"], "ground: no file 'no.AT2'"),
+        (["--records", "one.AT2", "--vertical", "no.AT2"], "vertical: no file 'no.AT2'"),
+        (["--records", "one.AT2", "--hazard", "no.csv"], "hazard: no file 'no.csv'"),
+        (["--records", "one.AT2", "--hazard", "."], "hazard: '.' cannot be read (Is a directory)"),
+        ([], "rack.toml: forcing: missing, required: [forcing], or recorded motions in its place (--records)"),
+        (["--mass", "400 kg"], "argument --mass: got '400 kg', accepted: a number without a unit"),
+        (["--seed", "1.5"], "argument --seed: got '1.5', accepted: a whole number"),
+        (["--records", "one.AT2", "--intensities", "0,1"], "intensities[0]: got 0.0, accepted: a finite number > 0.0"),
+    ],
+)
+def test_what_is_missing_or_no_number_is_refused_by_the_name_of_its_option(files, words, said, monkeypatch, capsys):
+    monkeypatch.chdir(pathlib.Path(files["one.AT2"]).parent)
+    pathlib.Path("rack.toml").write_text("[block.dimensions]\nwidth = 0.5\nheight = 1.8\n[noise]\nkind = 'none'\n")
+    try:
+        status = main(["risk", "rack.toml", *words])
+    except SystemExit as end:
+        status = end.code
+    assert (status, capsys.readouterr().err) == (2, f"fpk-rocking risk: {said}\n")

@@ -4,6 +4,7 @@ import dataclasses
 import html
 import json
 import math
+import pathlib
 
 import numpy as np
 import pytest
@@ -180,6 +181,50 @@ def test_the_rate_on_a_floor_is_that_of_scales_of_the_ground(tmp_path):
     assert "give the component location 0" in pelicun
     wrong = study(BLOCK, [Record(one.interval, one.samples, "m/s2") for one in made], hazard, measure="Sa(1.0)")
     assert wrong.risk.rate < 0.5 * floors.risk.rate
+
+
+def test_a_floor_of_factor_0_is_the_ground():
+    """The same samples on finer lines, and critical intensities to the tolerance of their search."""
+    ground = Building(0.4, 0.05, 0.0)
+    floor = ground.floor_motion(GROUND[0])
+    times = floor.interval * np.arange(len(floor.samples))
+    points = [0.0, *GROUND[0].samples, 0.0]
+    lines = np.interp(times, GROUND[0].interval * np.arange(len(points)), points)
+    assert np.abs(np.array(floor.samples) - lines).max() < 1e-12
+    on, below = (critical_intensities(BLOCK, GROUND, building=building).critical for building in (ground, None))
+    assert on == pytest.approx(below, rel=1e-6)
+    with pytest.raises(ValueError, match=r"building\.factor: got -0\.1, accepted: a finite number >= 0\.0"):
+        Building(0.4, 0.05, -0.1)
+
+
+def test_the_intensity_of_the_ground_at_which_a_block_lifts_off_on_a_floor_is_told():
+    """SIZE lifts off at .3 g; each motion reaches that on the floor at its own intensity of the ground."""
+    found = study(BLOCK, GROUND, None, [0.2], building=BUILDING)
+    scenes = recorded_scenes(BLOCK, GROUND, building=BUILDING)
+    least = [0.3 * intensity_of(scene, "PGV") / intensity_of(scene, "PFA") for scene in scenes]
+    said = f"The block lifts off at 0.3 g on the floor, reached at PGV {min(least):.3g} to {max(least):.3g} m/s on the"
+    assert f"{said} ground. With a coefficient" in found.text()
+
+
+def test_several_blocks_on_a_floor_are_those_of_single_runs(tmp_path, capsys):
+    """In the shell: rates, intensities and tables of `a.toml b.toml --building` and of each file alone."""
+    for name, width in (("narrow", 0.5), ("wide", 0.7)):
+        size = f"[block.dimensions]\nwidth = {width}\nheight = 1.8\n[noise]\nkind = 'none'\n"
+        (tmp_path / f"{name}.toml").write_text(size)
+    files, motions = [str(tmp_path / f"{name}.toml") for name in ("narrow", "wide")], []
+    for number, motion in enumerate(GROUND):
+        motions.append(str(tmp_path / f"{number}.txt"))
+        pathlib.Path(motions[-1]).write_text("\n".join(f"{0.01 * k:.2f} {a!r}" for k, a in enumerate(motion.samples)))
+    options = ["--records", *motions, "--units", "m/s2", "--hazard", "1e-3:2.5", "--building", "0.4,0.05,1.3", "--json"]
+    assert cli.main(["risk", *files, *options]) == 0
+    together = json.loads(capsys.readouterr().out)["studies"]
+    for file, one in zip(files, together.values(), strict=True):
+        assert cli.main(["risk", file, *options]) == 0
+        alone = json.loads(capsys.readouterr().out)
+        assert one["risk"] == alone["risk"]
+        assert one["motions"] == alone["motions"]
+        assert max(one["motions"]["pfa_g"]) > 1.2 * max(one["motions"]["pga_g"])
+    assert together["narrow"]["risk"]["rate"] > together["wide"]["risk"]["rate"]
 
 
 def test_several_blocks_on_a_floor_say_so_once_and_how_many_events_there_are(tmp_path):

@@ -94,8 +94,10 @@ def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, cap
     assert "10 motions are of 5 events; those of one event count as one motion." in values["remarks"]
     with pytest.raises(ValueError, match=re.escape("events: got '3 labels', accepted: 10, one for each record")):
         study(scene, alone, hazard, events=labels[:3])
-    assert cli.main([*arguments, "--events", "4"]) == 2
-    assert (
-        "records: got '10 of 3 events', accepted: 1, or at least 5, each of an event of its own"
-        in capsys.readouterr().err
-    )
+    for number, said in (
+        ("5", "records: got '10 of 2 events', accepted: 1, or at least 5, each of an event of its own"),
+        ("4", "--events: got 4, accepted: a number of which the 10 records are a multiple"),
+        ("0", "--events: got 0, accepted: a number of which the 10 records are a multiple"),
+    ):
+        assert cli.main([*arguments, "--events", number]) == 2
+        assert said in capsys.readouterr().err

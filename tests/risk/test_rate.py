@@ -10,9 +10,9 @@ from suites import SCALES, SIZE, curve_of, record, suite
 
 from fpk_rocking import Block, NoNoise, Scene
 from fpk_rocking.results.trust import CAUTION, UNUSABLE
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, fragility
 from fpk_rocking.risk.lognormal import LognormalFit
-from fpk_rocking.risk.rate import rate_text, years_text
+from fpk_rocking.risk.rate import number_text, rate_text, years_text
 
 
 @pytest.mark.parametrize("median", [0.05, 0.7, 20.0])
@@ -133,6 +133,52 @@ def test_a_power_law_holds_at_all_intensities():
     assert Hazard([0.1, 1.0, 3.0], [1e-2, 1e-3, 1e-4]).law == ""
 
 
+def test_what_lies_beyond_the_points_is_no_caution_where_the_rate_does_not_depend_on_it():
+    """All overturn at the highest points, so that how often those are exceeded is all that counts."""
+    hazard = Hazard([0.01, 0.15], [1e-2, 1e-3])
+    sure = annual_frequency(curve_of(0.05, 0.3, replicates=[(0.05, 0.3)] * 9), hazard)
+    assert 0.1 < sure.beyond_hazard < 0.5
+    assert sure.by_other_slopes == pytest.approx([sure.rate] * 2, rel=2e-3)
+    assert "the hazard curve" not in [one.name for one in sure.model_diagnostics()]
+    curve, flat = dataclasses.replace(curve_of(0.7, 0.4), by_points=True), Hazard.power_law(1e-3, 0.3)
+    whole = annual_frequency(curve, flat)
+    assert whole.beyond_curve > 0.5
+    assert whole.model_diagnostics() == []
+    # Above .8 the probability may be 1: a quarter more. Above .4 it may be 1.5 times more.
+    for part, severity in ((0.8, CAUTION), (0.4, UNUSABLE)):
+        partly = annual_frequency(dataclasses.replace(curve, probability=part * curve.probability), flat)
+        assert partly.beyond_curve == pytest.approx(whole.beyond_curve, rel=1e-2)
+        assert [one.severity for one in partly.model_diagnostics() if one.name == "the fragility"] == [severity]
+
+
+def test_one_motion_without_noise_has_no_limits():
+    """It is told, and none stand there that look exact; the error of the rate is not judged."""
+    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))
+    curve = IntensityCurve.of(fragility(scene, scale=[0.1, 0.5]))
+    assert np.isnan(curve.point_limits).all()
+    risk = annual_frequency(curve, Hazard.power_law(1e-3, 2.0))
+    assert np.isnan(risk.interval).all()
+    assert risk.title == f"annual rate of overturning = {rate_text(risk.rate)} (no limits)"
+    assert f"years, probability in 50 years {risk.probability():.2g}. Computed" in risk.sentences[0]
+    assert risk.trust.plain == {"verdict": "caution", "reasons": ["No error is estimated."]}
+
+
+def test_the_verdict_tells_a_rejected_fit_and_a_rate_outside_the_limits_of_the_fit():
+    law = Hazard.power_law(rate=1e-3, exponent=2.0)
+    rejected = dataclasses.replace(curve_of(), fit=LognormalFit(0.7, 0.4, p_value=0.01, misfit=0.2))
+    reasons = annual_frequency(rejected, law).trust.reasons
+    assert "The lognormal fit is rejected (p = 0.01, below 0.05): it is off by up to 0.2. Use the" in reasons[0]
+    jumps = np.array([0.4, 0.9, 1.6])[:, None, None]
+    for median, side in ((2.0, "above"), (0.2, "below"), (0.7, "")):
+        curve = curve_of(median, 0.2, replicates=[(median * factor, 0.2) for factor in np.geomspace(0.7, 1.4, 40)])
+        risk = annual_frequency(dataclasses.replace(curve, jumps=jumps, units=3), law)
+        told = [one for one in risk.diagnostics if one.name == "lognormal rate"]
+        assert [one.severity for one in told] == [CAUTION] * bool(side)
+        assert risk.interval[0] <= risk.rate <= risk.interval[1]
+        if side:
+            assert f"by the outcomes is {side} the 95 % limits of the lognormal curve, which gives " in told[0].message
+
+
 def test_where_nothing_overturns_the_upper_limits_are_above_zero():
     """None of 8 motions: .369 at each intensity, and a rate below that of such a curve, up to the highest of them."""
     scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 8
@@ -163,10 +209,9 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     along = annual_frequency(dataclasses.replace(curve, probability=0.5 * curve.probability, by_points=True), law)
     assert along.exported_rate == pytest.approx(closed, rel=1e-9)
     assert along.rate < 0.7 * closed
-    title = f"annual rate of overturning = {rate_text(along.rate)} by the points, {rate_text(closed)} "
-    assert along.sentences[0].startswith(f"{title}by a lognormal curve: return period ")
-    assert f", by the curve {-math.expm1(-50.0 * closed):.2g}" in along.sentences[0]
-    assert "Files for OpenQuake and pelicun carry the lognormal curve." in along.sentences[0]
+    assert along.title == f"annual rate of overturning = {rate_text(along.rate)} (no limits)"
+    carried = f"Files for OpenQuake and pelicun carry the lognormal curve, by which the rate is {rate_text(closed)}."
+    assert carried in along.sentences[0]
     assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
     without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
     points = annual_frequency(without, law)
@@ -205,3 +250,9 @@ def test_years_are_plain_numbers():
         for years, digits in ((4981.2, 3), (372.9, 2), (9261.0, 2), (3.14159, 3), (2.345e9, 3))
     ]
     assert texts == ["4,980", "370", "9,300", "3.14", "2.34e+09"]
+
+
+def test_small_numbers_are_written_as_rates_are():
+    assert list(map(rate_text, (6.746e-4, 1.2, math.nan))) == ["6.75e-4", "1.20", "-"]
+    texts = list(map(number_text, (4.3123e-5, 0.0006746, 12.3456, 0.0, math.nan, math.inf)))
+    assert texts == ["4.312e-5", "0.0006746", "12.35", "0", "", ""]

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from fpk_rocking import BandNoise, Block, Dimensions, Harmonic, NoNoise, Pulse, Record, Scene
-from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, report
+from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, report, study, synthetic_records
 from fpk_rocking.risk.lognormal import LognormalFit
+from fpk_rocking.risk.rate import rate_text
 
 SIZE, SCALES = Dimensions(0.6, 2.0), np.geomspace(0.1, 3.0, 12)
+MOTIONS = synthetic_records(6, duration=5.0, rms=1.5)
 HAZARD = Hazard(np.geomspace(0.01, 30.0, 15), np.geomspace(0.5, 1e-7, 15))
 
 
@@ -42,9 +44,10 @@ def test_motions_stand_one_above_the_other_in_parts_of_their_peaks(axes):
     assert axes.get_yticks().tolist() == [-place for place in range(15)]
     labels = [label.get_text() for label in axes.get_yticklabels()]
     unit = SIZE.critical_angle * SIZE.gravity / 9.80665
-    assert [label.split("\n")[1] for label in labels[:3]] == [f"{1.5 * unit:.3g} g", f"{4.0 * unit:.3g} g", "0.4 g"]
-    assert labels[2].split("\n")[0] == f"{'a' * 16}…{'b' * 7}.AT2 (1)"
-    assert axes.figure.get_size_inches()[1] == pytest.approx(1.0 + 0.42 * 15)
+    assert [label.split("\n")[-1] for label in labels[:3]] == [f"{1.5 * unit:.3g} g", f"{4.0 * unit:.3g} g", "0.4 g"]
+    # The whole name, in lines, and a row as high as the longest one needs.
+    assert labels[2].split("\n") == [f"{'a' * 20}{'b' * 12}", f"{'b' * 8}.AT2 (1)", "0.4 g"]
+    assert axes.figure.get_size_inches()[1] == pytest.approx(1.0 + 0.54 * 15)
     for place, (line, scene) in enumerate(zip(axes.lines, scenes, strict=True)):
         seconds, height = line.get_data()
         times, low, high = seconds * SIZE.frequency_parameter, *axes.get_ylim()
@@ -89,6 +92,38 @@ def test_without_noise_the_share_of_the_motions_is_drawn_at_all_intensities(axes
         np.array([0, 1, 0, 1, 2, 3]) / 3
     )
     assert not any(drawn.get_color() == "0.75" for drawn in axes.lines)
+
+
+def test_the_fit_and_its_band_reach_over_points_and_outcomes(axes):
+    """Points from .6 to 5, outcomes from .5 to .9."""
+    jumps, points = np.array([0.5, 0.7, 0.9])[:, None, None], np.array([0.6, 5.0])
+    curve = risk_of(LognormalFit(0.7, 0.4, misfit=0.0), [(0.7, 0.4), (0.8, 0.4)]).curve
+    two = {"intensity": points, "probability": np.array([0.3, 1.0]), "interval": np.zeros((2, 2))}
+    report.draw_curve(axes, dataclasses.replace(curve, jumps=jumps, units=3, **two), np.zeros((3, 2)))
+    (fit,) = (line for line in axes.lines if line.get_label() == "lognormal fit")
+    (band,) = (drawn for drawn in axes.collections if drawn.get_label() == "95 % band of the fit")
+    for places in (fit.get_xdata(), band.get_paths()[0].vertices[:, 0]):
+        assert (places.min(), places.max()) == pytest.approx((0.4, 6.25))
+
+
+def test_the_answer_stands_first_and_the_motions_behind_a_fold(tmp_path):
+    """Title with one rate, verdict, asked intensities, pictures; the motions with whole names, in columns that wrap."""
+    records = [dataclasses.replace(one, source=f"{n}_{'long' * 20}.AT2") for n, one in enumerate(MOTIONS)]
+    found = study(Scene.from_block(0.5, 1.8, record=records[0]), records, HAZARD, [0.3, 0.9])
+    report.write_risk_report(tmp_path / "report.html", found)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8").partition("<script")[0]
+    heads = ["<h1>", "trust: ", "<td>0.3</td>", "<img alt='Probability", "<img alt='Contributions", "<h2>Block</h2>"]
+    places = [page.index(text) for text in [*heads, "<h2>Motions</h2>", "<details>", "<img alt='Accelerations"]]
+    assert places == sorted(places)
+    low, high = map(rate_text, found.risk.interval)
+    title = f"annual rate of overturning = {rate_text(found.risk.rate)} (95 %: {low} to {high})</h1>"
+    assert f"<h1>rocking_block: {title}" in page
+    fold = page[page.index("<details>") : page.index("</details>")]
+    for record in records:
+        assert f"<td class='text'>{record.source}</td>" in fold
+        assert page.count(record.source) == 1
+    assert "<td>5.00e-1</td>" in page  # the rate of the first point of the hazard
+    assert not re.search(r">[\d.]+e-0", page)
 
 
 def test_one_record_and_points_have_neither_lines_of_their_own_nor_a_band(axes):
