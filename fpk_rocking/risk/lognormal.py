@@ -275,8 +275,6 @@ def _undetermined(logs, count, trials):
         return f"the probability is {'0' if not happened.size else '1'} at all scales"
     if happened.min() >= missed.max():
         return "fewer than two scales have a probability between 0 and 1: put scales closer together"
-    if np.ptp(logs) == 0.0:
-        return "a curve takes two scales"
     return ""
 
 

@@ -30,6 +30,22 @@ def test_batches_are_all_realizations_in_turn():
     assert not np.concatenate([batch.angle for batch in parts]).any()
 
 
+def test_one_path_that_an_engine_loses_is_an_error_that_names_it(monkeypatch):
+    simulated = batches._simulated
+
+    def losing(*arguments):
+        batch = simulated(*arguments)
+        batch.velocity[5, 2:] = np.nan
+        return batch
+
+    monkeypatch.setattr(batches, "_simulated", losing)
+    scene = Scene(Block(0.5), Harmonic(2.0, 2.7), BandNoise(1e-4, (0.0, 9.0), 1))
+    with pytest.raises(
+        FloatingPointError, match=r"realization 5 of method 'exact', seed 1: 2 finite states, .* fails on"
+    ):
+        simulate(scene, cycles=3, realizations=9, seed=1, method="exact")
+
+
 SAMPLES = np.sin(np.arange(70) * 0.35) * np.sin(np.arange(70) * np.pi / 69)
 SHAKEN = Scene(Block(None, Dimensions(0.5, 1.8)), Record(0.04, SAMPLES, "g", 0.45), NoNoise())
 PULSED = Scene(Block(0.9), Pulse("one-cosine", 2.6, 3.0), NoNoise())

@@ -20,6 +20,9 @@ from running import PACKAGES, PLACE, TREE, forked, run
 _LOADING, _LONGEST = 0.5, 120
 """Seconds that a test file takes to be loaded, about, and those after which a test is given up: no budget allows it."""
 
+_NEAREST = 4
+"""How near a test file is that is named after a file and imports it; folders of the same name add to that."""
+
 
 def measured(jobs):
     """Return, by test file, its tests with their seconds and the functions they run, and the names of all kernels.
@@ -148,9 +151,10 @@ def compiled(mutant, kernels):
 def tests_for(mutant, coverage, kernels, budget):
     """Return (file, name, seconds) of tests that may notice a mutant, as many as a budget of seconds allows.
 
-    These are the tests that run its function, and then all others of the files that are named after its file or import
-    it: what is solved once for many tests runs in the first of them alone. Kernels of one name cannot be told apart: of
-    tests as near those go first that run most of what is no kernel in the same file.
+    These are the tests of the file that is named after its file and imports it, those that run its function, and then
+    all others of the files that do either: what is solved once for many tests runs in the first of them alone, and what
+    a test's own kernel calls is not seen. Kernels of one name cannot be told apart: of tests as near those go first
+    that run most of what is no kernel in the same file.
     """
     *folders, leaf = mutant.file.removesuffix(".py").split("/")
     wanted, package, ranked = f"{mutant.file}:{mutant.function}", re.escape(".".join(folders)), []
@@ -163,7 +167,7 @@ def tests_for(mutant, coverage, kernels, budget):
             direct = wanted in here if mutant.function else bool(here)
             own = len(set(here) - kernels)
             if direct or near > 1:
-                ranked.append((not direct, -near, -own, file, test["seconds"], name))
+                ranked.append((not direct and near < _NEAREST, -near, not direct, -own, file, test["seconds"], name))
     chosen, files = [], set()
     for *_, file, seconds, name in sorted(ranked):
         cost = seconds + (0.0 if file in files else _LOADING)

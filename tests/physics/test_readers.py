@@ -386,8 +386,9 @@ def test_a_name_of_a_file_tells_where_its_text_does_not(name, says, tmp_path):
     (tmp_path / name).write_text("0 1\n1 2\n2 1\n")
     with pytest.raises(ValueError, match=f"got a {says}, as the name of the file says, accepted: a horizontal acc"):
         Record.from_file(tmp_path / name, units="g")
-    (tmp_path / "UPLAND_spectrum_matched.txt").write_text("0 1\n1 2\n2 1\n")
-    assert Record.from_file(tmp_path / "UPLAND_spectrum_matched.txt", units="g").samples == (1.0, 2.0, 1.0)
+    for motion in ("UPLAND_spectrum_matched.txt", "SA-station.txt"):
+        (tmp_path / motion).write_text("0 1\n1 2\n2 1\n")
+        assert Record.from_file(tmp_path / motion, units="g").samples == (1.0, 2.0, 1.0)
 
 
 def test_an_smc_file_of_unknown_kind_is_what_its_user_says(tmp_path):

@@ -68,6 +68,24 @@ def test_rates_by_8_24_and_48_intensities_are_within_two_percent(suite):
     assert rates == pytest.approx([truth] * 3, rel=0.02)
 
 
+def test_where_nothing_overturns_no_intensities_are_added():
+    asked, sampled = np.geomspace(0.1, 1.0, 4), []
+
+    def sample(scale, number):
+        sampled.append(number)
+        shares = np.zeros((MOTIONS, 1, scale.size))
+        scenes = (at_intensity(Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 9))),) * MOTIONS
+        return Fragility(
+            scenes, "scene", np.arange(MOTIONS), np.empty(0), scale, shares, np.full(shares.shape, np.nan),
+            "exact", 10_000, True, {}, "", {}, 0.0,
+        )  # fmt: skip
+
+    curves, added, moved = with_added_intensities(
+        sample, lambda curves: annual_frequency(IntensityCurve.of(curves, "PGV", samples=1), HAZARD), asked
+    )
+    assert (curves.scale.size, added, moved, sampled) == (4, 0, np.inf, [0])
+
+
 def test_the_rate_of_a_refined_curve_is_by_its_points_and_within_its_limits():
     """A fit of twice the probability: by it the rate is outside what the points say, and its limits are widened."""
     scale = np.geomspace(0.2, 3.0, 40)

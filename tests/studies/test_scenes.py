@@ -137,6 +137,8 @@ def test_sizes_and_slendernesses():
     ("axes", "error", "text"),
     [
         ({"mass": [1.0]}, ValueError, "parameter: got 'mass', accepted: a dotted name"),
+        ({"bolck.restitution": [1.0]}, ValueError, "parameter: got 'bolck.restitution', accepted: a dotted name"),
+        ({"block": [1.0]}, ValueError, "parameter: got 'block', accepted: a dotted name"),
         ({"forcing.amplitud": [1.0]}, ValueError, "forcing.amplitud: unknown, accepted: .*did you mean"),
         ({"size": [1.0]}, ValueError, r"parameter: got 'size', accepted: only where the scene has"),
         ({"scale": [0.0]}, ValueError, "factor: got 0.0, accepted: a finite number > 0"),
