@@ -184,7 +184,7 @@ def draw(path, values):
             "white noise less density."
         ),
     ]
-    with pictures.page(path, (13.0, 9.4), title, notes) as figure:
+    with pictures.page(path, (12.0, 9.0), title, notes) as figure:
         panels = figure.subplot_mosaic([["variance", "excess"], ["budget", "budget"]], height_ratios=(1.0, 0.85))
         _against_relative_variance(panels["variance"], values)
         _against_spread(panels["excess"], values)
@@ -240,7 +240,7 @@ def _budget(axes, budgeted):
     size = f"{budgeted['realizations']:,} realizations"
     title = f"(c) Parts of the error: e = 0.5, [{low:g}, {high:g}], σ = {sigma:g}, N = 100, {size}"
     axes.set(xlabel="difference of survival", title=title)
-    axes.legend(fontsize=9)
+    axes.legend(fontsize=10)
 
 
 def report(findings):

@@ -129,7 +129,7 @@ def draw(path, values):
         )
         for axes in (left, right):
             axes.set_yscale("log")
-            axes.legend(fontsize=8)
+            axes.legend(fontsize=9)
         left.set_xscale("log")
         _plain(left.xaxis, left.yaxis, right.xaxis, right.yaxis)
 

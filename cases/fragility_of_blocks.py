@@ -125,7 +125,7 @@ def draw(path, values):
         f"{shaken} and noise of 0.8 m/s² from 0 to 8 Hz with an envelope, both times the scale, until the block "
         f"rests or has overturned. Paths: {_realizations(blocks):,} a point, 95 % intervals."
     )
-    with pictures.page(path, (13.5, 7.2), title, [note]) as figure:
+    with pictures.page(path, (12.0, 7.2), title, [note]) as figure:
         panels = figure.subplots(2, len(blocks), sharex="col", sharey="row", height_ratios=(2.0, 1.0), squeeze=False)
         for (curves, rests), (name, block) in zip(panels.T, blocks.items(), strict=True):
             _curves(curves, block)
@@ -135,7 +135,7 @@ def draw(path, values):
         panels[0, 0].set_ylabel("P(overturned)")
         panels[1, 0].set_ylabel("paths less density,\nwhite noise")
         # In the last column, where the curve leaves the lower right corner free.
-        panels[0, -1].legend(loc="lower right", fontsize=9)
+        panels[0, -1].legend(loc="lower right", fontsize=10)
 
 
 def _realizations(blocks):
@@ -151,7 +151,7 @@ def _cost(block):
 def _curves(axes, block):
     """Draw P(overturned) of a block against the scale, by engine."""
     density = block["density"]
-    label = "density, white noise (at the crosses)"
+    label = "density, white noise"
     axes.plot(density["scale"], density["overturned"][0], "x-", color=pictures.COLOURS[1], linewidth=1.0, label=label)
     looks = {"white": ("o", pictures.COLOURS[0], "paths, white noise"), "exact": ("s", "0.5", "paths, band noise")}
     for engine, (marker, colour, label) in looks.items():

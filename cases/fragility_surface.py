@@ -83,7 +83,7 @@ def draw(path, values):
     )
     shaking = f"Scale 1: {CYCLES} cycles of 3 m/s² at 1.5 Hz, noise of 0.3 m/s² from 0 to 8 Hz"
     notes = [f"{shaking}. {values['realizations']:,} paths a point. R: half diagonal."]
-    with pictures.page(path, (13.5, 5.4), title, notes) as figure:
+    with pictures.page(path, (12.0, 5.4), title, notes) as figure:
         panels = figure.subplots(1, 3)
         filled = draw_map(panels[0], sizes, values["slendernesses"], overturned.T)
         panels[0].set(xlabel=NAMES["size"], ylabel=NAMES["slenderness"])

@@ -166,21 +166,21 @@ def shown(docs):
     for name, pictures in PICTURES.items():
         parts += [f"## {PARTS[name]}"] if name in PARTS else []
         parts += [
-            _shown(docs, f"gallery/{kept}", f"[cases/{name}.py](../cases/{name}.py)") for kept in pictures.values()
+            _shown(docs, f"gallery/{kept}", f"cases/{name}.py", f"../cases/{name}.py") for kept in pictures.values()
         ]
     parts += ["## Measurements"]
     pictures = sorted(path.name for path in pathlib.Path(docs, "benchmarks").glob("*.png"))
-    parts += [_shown(docs, f"benchmarks/{kept}", "[benchmarks](benchmarks.md)") for kept in pictures]
+    parts += [_shown(docs, f"benchmarks/{kept}", "benchmarks", "benchmarks.md") for kept in pictures]
     return "\n\n".join(parts) + "\n"
 
 
-def _shown(docs, path, source):
-    """Return a picture of the page with its message, which is its title, below it; no text in its place is needed."""
+def _shown(docs, path, source, page):
+    """Return a picture, which links the page of its source, with its message, which is its title."""
     from PIL import Image
 
     with Image.open(pathlib.Path(docs, path)) as picture:
         message = title_of(picture)
-    return f"![]({path})\n\n*{message}.* {source}"
+    return f"[![{source}]({path})]({page})\n\n*{message}.*"
 
 
 def title_of(picture):

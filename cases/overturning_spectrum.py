@@ -80,7 +80,7 @@ def draw(path, frequencies, amplitudes, modes, bounds, exact):
     """Draw the regions of both modes and their lower ends, and what the critical angle makes of these."""
     title = "The equation of a slender block is safe under long pulses, unsafe under short ones"
     notes = [f"Restitution {RESTITUTION:g}, p = √(3g / 4R). (b): above 1 the equation of a slender block is safe."]
-    with pictures.page(path, (13.0, 5.8), title, notes) as figure:
+    with pictures.page(path, (12.0, 5.8), title, notes) as figure:
         axes, ratios = figure.subplots(1, 2)
         for mode, colour in ((0, "0.78"), (1, "#9ecae1")):
             of_mode = np.where(np.minimum(modes.T, 1) == mode, 1.0, np.nan)

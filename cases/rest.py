@@ -121,7 +121,7 @@ def draw(path, values):
         f"[{noise.band[0]:g}, {noise.band[1]:g}]; all nondimensional. Points: {values['realizations']:,} paths. "
         "Lines: density, noise of equal Melnikov variance (low-pass: also of equal variance)."
     )
-    with pictures.page(path, (13.5, 5.2), title, [note]) as figure:
+    with pictures.page(path, (12.0, 5.2), title, [note]) as figure:
         survival, rest, cycle = figure.subplots(1, 3)
         _by_cycle(survival, values, "survival")
         _by_cycle(rest, values, "at_rest")
@@ -132,14 +132,14 @@ def draw(path, values):
             np.arange(1, line.size), line[1:] - error, line[1:] + error, color=pictures.COLOURS[1], alpha=0.2
         )
         rest.set_ylim(bottom=0.0)
-        survival.legend(loc="lower left", fontsize=9)
+        survival.legend(loc="lower left", fontsize=10)
         _over_cycle(figure, cycle, values["inside"], SHOWN * math.sqrt(noise.variance))
 
 
 def _by_cycle(axes, values, name):
     """Draw a quantity ("survival" or "at_rest") by cycle."""
     for (noise, result), colour, marker in zip(values["sampled"].items(), pictures.COLOURS, "os", strict=False):
-        axes.plot(result[name], marker, color=colour, markersize=5, label=f"{noise} noise, Monte Carlo")
+        axes.plot(result[name], marker, color=colour, markersize=5, label=f"{noise} noise, paths")
     axes.plot(values["solved"]["filtered"][name], color=pictures.COLOURS[1], label="low-pass noise, density")
     if name == "survival":
         axes.plot(values["solved"]["white"][name], color=pictures.COLOURS[2], label="white noise, density")

@@ -128,7 +128,7 @@ def _draw(path, scene, quiet, maps, mean, values):
     left = ", to ".join(f"{100.0 * area / alone[0]:.0f} % over {cycles} cycles" for area, alone, cycles in parts)
     title = f"Noise of σ = {math.sqrt(noisiest):g} shrinks the area of safe starts to {left}"
     limit = scene.overturning.angle
-    with pictures.page(path, (13.5, 10.0), title, [note]) as figure:
+    with pictures.page(path, (12.0, 9.4), title, [note]) as figure:
         panels = figure.subplot_mosaic([["quiet", 0, "time"], [1, 2, "erosion"]])
         edges, parts = quiet
         grid = np.linspace(-limit, limit, 500), np.linspace(-_FASTEST, _FASTEST, 500)

@@ -118,7 +118,7 @@ def draw(path, values):
         f"Survival is largest at a restitution of {places[best]:.3g}: {survival[best]:.2f} after "
         f"{values['cycles'][-1]} cycles, {survival[0]:.2f} at {places[0]:g}"
     )
-    with pictures.page(path, (13.5, 5.4), title, [drawn]) as figure:
+    with pictures.page(path, (12.0, 5.4), title, [drawn]) as figure:
         linear, logarithmic, bands = figure.subplots(1, 3)
         _both(linear, values)
         _both(logarithmic, values, limits=True)

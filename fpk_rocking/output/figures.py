@@ -187,18 +187,12 @@ def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequen
                     _draw_surface(
                         figure.add_subplot(cell, projection="3d", elev=32, azim=-62), result, cycle, surface, highest
                     )
-            for row, result in enumerate(results):
-                low, high = cells[block * len(results) + row, 0].get_position(figure).intervaly
-                figure.text(
-                    0.025,
-                    0.5 * (low + high),
-                    _row_name(result),
-                    rotation=90,
-                    va="center",
-                    ha="center",
-                    weight="bold",
-                    linespacing=1.4,
-                )
+        # One result is named once, beside all its rows.
+        spans = [(row, row) for row in range(rows)] if len(results) > 1 else [(0, rows - 1)]
+        look = {"rotation": 90, "va": "center", "ha": "center", "weight": "bold", "linespacing": 1.4}
+        for number, (first, last) in enumerate(spans):
+            high, low = cells[first, 0].get_position(figure).y1, cells[last, 0].get_position(figure).y0
+            figure.text(0.025, 0.5 * (low + high), _row_name(results[number % len(results)]), **look)
         for line, note in enumerate(reversed(notes)):
             figure.text(0.02, (0.12 + 0.2 * line) / height, note, color="#333333")
         return pictures.save(figure, path)
@@ -296,7 +290,7 @@ def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence
     area = np.multiply.outer(*map(np.diff, edges))
     maps = [[np.asarray(result.bin_probabilities(cycle, *edges)) for cycle in cycles] for result in results]
     velocities = _inner_velocities(edges[1], sum(np.abs(bins) for row in maps for bins in row).sum(axis=0))
-    size = 2.75 * max(len(cycles), 2) + 0.9, 2.7 * len(results) + 1.9
+    size = 2.2 * max(len(cycles), 2) + 0.9, 2.6 * len(results) + 2.0
     with pictures.page(path, size, title, _map_notes(results)) as figure:
         panels = figure.subplots(len(results), len(cycles), sharex=True, sharey=True, squeeze=False)
         for column, cycle in enumerate(cycles):
@@ -326,11 +320,11 @@ def _inner_velocities(edges, masses):
 
 
 def _heading(result, cycle):
-    """Time, survival and overturned probabilities of a row, as a text of two lines."""
+    """Time, survival and overturned probabilities of a row, as a text of three lines."""
     row = result.row_of(cycle)
     left, right = np.asarray(result.overturned)[row]
     when = result.when(row).removeprefix("after ")
-    return f"{when}: survival {result.survival[row]:.3f}\noverturned {left:.3f} left, {right:.3f} right"
+    return f"{when}: survival {result.survival[row]:.3f}\noverturned left {left:.3f},\nright {right:.3f}"
 
 
 def _map_notes(results):

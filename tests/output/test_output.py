@@ -55,6 +55,16 @@ def test_surfaces_of_both_engines(tmp_path, drawn):
     assert sorted(names) == pytest.approx(sorted(middles), abs=1e-5)
 
 
+def test_one_result_is_named_once_beside_all_its_rows(tmp_path, drawn):
+    figures.surface_figure(tmp_path / "fig06.png", [DENSITY], [1, 2, 4, 10], "One engine")
+    (figure,) = drawn
+    (name,) = (text for text in figure.texts if text.get_position()[0] == 0.025)
+    assert name.get_text() == f"{DENSITY.label}\nnoise replaced"
+    middles = [axes.get_position().intervaly.mean() for axes in figure.axes]
+    assert len(middles) == 4
+    assert name.get_position()[1] == pytest.approx(np.mean(middles), abs=1e-5)
+
+
 def test_surface_is_the_mean_over_a_bin():
     angle, velocity, heights = figures._bin_averages(DENSITY, 4)
     place = np.argmin(np.hypot(angle - 0.2, velocity - 0.3))
