@@ -101,7 +101,6 @@ ALLOWED = {
     "docs/reference_values.md": {
         "4.8": "seconds of the record",
         "400,000": "paths of benchmarks/reference_values.py",
-        ".0062806": "printed in docs/howto/noise.md",
         "350": "false alarms of the rule",
         "1.5": "frequency of the shaking, Hz",
     },
