@@ -29,7 +29,7 @@ _FILM = (
     "Colours: probability in a bin divided by its area. Bars at the sides: probability of having overturned to that "
     "side, 1 at full height. The arrow keys move the slider, too."
 )
-_NUMBER = re.compile(r"(none|-?[\d.,]+(e[+-]?\d+)?([ –].*)?)?")
+_NUMBER = re.compile(r"(none|-|-?[\d.,]+(e[+-]?\d+)?([ –].*)?)?")
 """A cell of a table that holds a number, with its unit or another number behind it."""
 
 _HERE = pathlib.Path(__file__).parent

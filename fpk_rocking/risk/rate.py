@@ -134,6 +134,7 @@ class Risk(Result):
             text = f"{parts.format(100.0 * self.beyond_curve)}the fragility, where {law if fitted else points}"
             severity = UNUSABLE if doubt > _MOST else CAUTION
             against.append(Diagnostic(severity, f"{text}: give more of them.", "the fragility"))
+        # Of lognormal motions fewer than one suite in a thousand is told.
         widened = self.curve.fitted and bool(self.curve.jumps.size or self.curve.by_points)
         if widened and self.rate > 0.0 and self.rate in self.interval:
             side = "above" if self.rate == self.interval[1] else "below"
@@ -417,5 +418,10 @@ def rate_text(rate: float) -> str:
 
 
 def number_text(value: float) -> str:
-    """Return a number as a text of four digits, a small one as rates are, as "1.23e-4"; empty of nan and inf."""
-    return f"{value:.4g}".replace("e-0", "e-") if math.isfinite(value) else ""
+    """Return a number as a text of up to four digits, below .001 as rates are, as "1.23e-4"; empty of nan and inf."""
+    if not math.isfinite(value):
+        return ""
+    if value == 0.0 or abs(value) >= 1e-3:
+        return f"{value:.4g}"
+    digits, power = f"{value:.3e}".split("e")
+    return f"{float(digits):g}e{int(power)}"

@@ -255,4 +255,4 @@ def test_years_are_plain_numbers():
 def test_small_numbers_are_written_as_rates_are():
     assert list(map(rate_text, (6.746e-4, 1.2, math.nan))) == ["6.75e-4", "1.20", "-"]
     texts = list(map(number_text, (4.3123e-5, 0.0006746, 12.3456, 0.0, math.nan, math.inf)))
-    assert texts == ["4.312e-5", "0.0006746", "12.35", "0", "", ""]
+    assert texts == ["4.312e-5", "6.746e-4", "12.35", "0", "", ""]

@@ -17,6 +17,7 @@ from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, fragility, study, synthetic_records
 from fpk_rocking.risk.curves import Fragility
 from fpk_rocking.risk.motions import intensities
+from fpk_rocking.risk.rate import number_text
 from fpk_rocking.studies.tasks import TASKS
 
 
@@ -97,7 +98,7 @@ def test_a_study_writes_all_that_is_handed_on(tmp_path, capsys):
     assert "[forcing]" not in visible
     rows = zip(*(values["curve"][name] for name in ("low", "high", "probability")), strict=True)
     for low, high, share in rows:
-        assert f"<td>{share:.4g}</td><td>{low:.4g}</td><td>{high:.4g}</td>" in page
+        assert "".join(f"<td>{number_text(value)}</td>" for value in (share, low, high)) in page
     assert Fragility.load(tmp_path / "out" / "result.npz").overturned.tolist() == curves.overturned.tolist()
     assert cli.main([*arguments, "--measure", "PGD"]) == 2
     assert "measure: got 'PGD', accepted: 'PGA', 'PGV'" in capsys.readouterr().err
