@@ -240,6 +240,27 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
     axes.legend(loc="best", fontsize=8)
 
 
+def draw_contributions(axes: Any, risk: Any) -> None:
+    """Draw the share of the rate that intensities have by a `Risk`, and the hazard, on matplotlib `axes`."""
+    if risk.rate > 0.0:
+        look = {"align": "edge", "color": pictures.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
+        axes.bar(risk.edges[:-1], 100.0 * risk.contribution, np.diff(risk.edges), **look)
+    axes.set(
+        xlabel=f"{risk.curve.measure}, {risk.curve.unit}",
+        ylabel="share of the rate, % (bars)",
+        xlim=(risk.edges[0], risk.edges[-1]),
+    )
+    logarithmic(axes.set_xscale, axes.xaxis)
+    axes.grid(visible=False)
+    other = axes.twinx()
+    span = np.geomspace(risk.edges[0], risk.edges[-1], 200)
+    other.plot(span, risk.hazard(span), color="black")
+    inside = (risk.hazard.intensity >= span[0]) & (risk.hazard.intensity <= span[-1])
+    other.plot(risk.hazard.intensity[inside], risk.hazard.rate[inside], "o", color="black", markersize=3.5)
+    other.set(yscale="log", ylabel="exceeded, 1/year (line)")
+    other.grid(visible=False)
+
+
 def _grid(curves):
     """Intensities (400,) over all points of `IntensityCurve`s, and over all at which an outcome is known."""
     ends = np.concatenate([places[[0, -1]] for curve in curves for places in (curve.intensity, curve.outcomes[0])])

@@ -302,7 +302,7 @@ class Risk(Result):
 
     def plot(self) -> Any:
         """Draw the contributions to the rate, and the hazard; returns a matplotlib figure."""
-        from fpk_rocking.risk.report import draw_contributions
+        from fpk_rocking.risk.picture import draw_contributions
 
         return figure_of(lambda _, axes: draw_contributions(axes, self))
 

@@ -17,7 +17,7 @@ from fpk_rocking.results.pictures import figure_of, picture_html
 from fpk_rocking.results.remarks import noise_text
 from fpk_rocking.risk.anchor import lift_off_g
 from fpk_rocking.risk.motions import intensity_of, motion_lines, motion_names
-from fpk_rocking.risk.picture import draw_curve, logarithmic
+from fpk_rocking.risk.picture import draw_contributions, draw_curve
 from fpk_rocking.risk.rate import number_text, rate_text
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
@@ -309,23 +309,6 @@ def risk_figure(path: File, study: Any) -> None:
             right[0].set_title("(b) Where the rate comes from")
 
 
-def draw_contributions(axes: Any, risk: Any) -> None:
-    """Draw the share of the rate that intensities have by a `Risk`, and the hazard, on matplotlib `axes`."""
-    if risk.rate > 0.0:
-        look = {"align": "edge", "color": pictures.COLOURS[1], "edgecolor": "white", "linewidth": 0.5}
-        axes.bar(risk.edges[:-1], 100.0 * risk.contribution, np.diff(risk.edges), **look)
-    axes.set(xlabel=_name(risk), ylabel="share of the rate, % (bars)", xlim=(risk.edges[0], risk.edges[-1]))
-    logarithmic(axes.set_xscale, axes.xaxis)
-    axes.grid(visible=False)
-    other = axes.twinx()
-    span = np.geomspace(risk.edges[0], risk.edges[-1], 200)
-    other.plot(span, risk.hazard(span), color="black")
-    inside = (risk.hazard.intensity >= span[0]) & (risk.hazard.intensity <= span[-1])
-    other.plot(risk.hazard.intensity[inside], risk.hazard.rate[inside], "o", color="black", markersize=3.5)
-    other.set(yscale="log", ylabel="exceeded, 1/year (line)")
-    other.grid(visible=False)
-
-
 def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None:
     """Draw the acceleration of each motion against time, one above the other, each in parts of its own peak."""
     motions = [scene for scene in scenes if scene.block.size is not None]
@@ -349,8 +332,3 @@ def draw_motions(axes: Any, scenes: Sequence[Scene], figure: Any = None) -> None
     axes.set_yticks([-place for place in range(len(motions))], names, fontsize=7)
     axes.set_title("Each motion in parts of its own peak", fontsize=9)
     axes.grid(visible=False, axis="y")
-
-
-def _name(risk):
-    """Return the label of an axis of intensities of a `Risk`, as "PGV, m/s"."""
-    return f"{risk.curve.measure}, {risk.curve.unit}"

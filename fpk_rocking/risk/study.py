@@ -446,8 +446,7 @@ class Study(Result):
 
     def plot(self) -> Any:
         """Draw the curve with its records, and the contributions to the rate; returns a matplotlib figure."""
-        from fpk_rocking.risk.picture import draw_curve
-        from fpk_rocking.risk.report import draw_contributions
+        from fpk_rocking.risk.picture import draw_contributions, draw_curve
 
         panels = [lambda _, axes: draw_curve(axes, self.curve, self.records)]
         risk = self.risk
