@@ -136,6 +136,7 @@ def test_a_body_lifts_off_to_each_side_at_its_own_level():
     """The force rises through the level of one side and then the other, half a cycle apart."""
     dynamics, alpha = Dynamics.of(SCENE), STATUE.critical_angle
     levels = {-1: 0.42 / 1.1 / alpha, 1: 0.30 / 1.1 / alpha}
+    assert dynamics.lift_off == pytest.approx(levels[1], rel=1e-12)
     for time in np.linspace(0.0, SCENE.period, 40):
         force, (since, slope) = SHAKING.value(time), dynamics.since_lift_off(time)
         assert dynamics.rest_gap(time) == pytest.approx(min(levels[1] - force, levels[-1] + force), abs=1e-12)

@@ -126,6 +126,11 @@ def test_noise_too_slow_for_its_start_is_refused_before_the_work(monkeypatch):
     smooth = scene.varied(noise=FilteredNoise("low-pass", 0.03, 1.5, 0.7))
     with pytest.raises(ValueError, match=r"noise.frequency: got 1.5, accepted: at least about 1.6 "):
         solve_fpk(smooth, cycles=1)
+    some = Start(0.0, 0.0, ((0.002, 0.0), (0.0, 0.002)))  # enough of a spread beside weak noise
+    for variance, least in ((0.03, 0.094), (0.12, 0.15)):
+        slow = scene.varied(noise=FilteredNoise("exponential", variance, 0.05), start=some)
+        with pytest.raises(ValueError, match=rf"noise.frequency: got 0.05, accepted: at least about {least} "):
+            solve_fpk(slow, cycles=1)
     for answered in (scene.varied(noise=FilteredNoise("exponential", 0.03, 0.2)), scene.varied(start=wide)):
         with pytest.raises(ZeroDivisionError):
             solve_fpk(answered, cycles=1)

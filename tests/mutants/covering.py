@@ -104,8 +104,11 @@ def _watched(file):
     scopes, kernels = {module.__file__: vars(module) for module in modules}, {}
     for scope in scopes.values():
         for name, value in scope.items():
-            if _is_kernel(value):
-                kernels.setdefault(name, set()).add(value)
+            # An engine holds the kernels that are made of its functions.
+            held = vars(value) if type(value).__module__.startswith(PACKAGES) and hasattr(value, "__dict__") else {}
+            for kernel_name, kernel in {name: value, **held}.items():
+                if _is_kernel(kernel):
+                    kernels.setdefault(kernel_name, set()).add(kernel)
 
     def reached(codes, compiled=False):
         """Names of functions, and of all kernels that they reach."""
