@@ -636,7 +636,7 @@ def study(
     mass = None if mass is None else checks.number("mass", mass, above=0.0)
     measure = measure_of(measure).name
     if intensities is not None:
-        listed = np.asarray(intensities).tolist()
+        listed = intensities.tolist() if isinstance(intensities, np.ndarray) else intensities
         intensities = sorted(checks.several("intensities", listed, most=10_000, above=0.0))
     exceeded = hazard if isinstance(hazard, Hazard) or hazard is None else Hazard.from_csv(hazard)
     if exceeded is not None:
