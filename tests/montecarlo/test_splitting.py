@@ -243,7 +243,7 @@ def test_progress_is_told_and_may_interrupt():
     [
         (ValueError, r"walkers: got 9, accepted: a whole number >= 10", {"walkers": 9}),
         (TypeError, r"walkers: got 50\.0", {"walkers": 50.0}),
-        (ValueError, r"walkers: got 1000000, accepted: at most \d+ with \d+ steps of a path", {"walkers": 10**6}),
+        (ValueError, r"walkers: got 10000000, accepted: at most \d+ with \d+ steps of a path", {"walkers": 10**7}),
         (ValueError, r"repeats: got 40000000, accepted: at most 33554432 with 1 steps", {"repeats": 4 * 10**7}),
         (ValueError, r"repeats: got 1, accepted: a whole number >= 2", {"repeats": 1}),
         (ValueError, r"cycles: got 0", {"cycles": 0}),
