@@ -94,11 +94,10 @@ def run(out, cycles=CYCLES, realizations=1_000_000, tol=1e-2, seed=1) -> dict:
 def draw(out, cycles, density, paths):
     """Draw surfaces, maps and survival, each with what it shows as its title."""
     after_start = [cycle for cycle in cycles if cycle > 0]
-    stand = f"{100.0 * density.survival[max(cycles)]:.1f} % stand after {max(cycles)} cycles of the paper's noise"
-    title = f"Paper Fig. 6: the density spreads, splits and leaks; {stand}"
+    stands = [f"{100.0 * result.survival[max(cycles)]:.1f} %" for result in (density, paths)]
+    title = f"Paper Fig. 6: the density spreads, splits and leaks; {stands[0]} stand after {max(cycles)} cycles"
     figures.surface_figure(out / "fig06.png", [density], after_start[:MOST_SURFACES], title)
-    ends = " and ".join(f"{100.0 * result.survival[max(cycles)]:.1f} %" for result in (density, paths))
-    title = f"Density and Monte Carlo fill the same states; after {max(cycles)} cycles {ends} stand"
+    title = f"Density and Monte Carlo fill the same states; after {max(cycles)} cycles {' and '.join(stands)} stand"
     figures.density_maps(out / "maps.png", [density, paths], after_start, title)
     apart = float(abs(paths.survival - density.survival).max())
     title = f"The density meets paths of the paper's noise to {apart:.4f} in survival at all cycles"

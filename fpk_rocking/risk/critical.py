@@ -281,7 +281,7 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    text = f", and under {far_always} of them it may still stand above {LARGEST_FACTOR:g} times"
+    text = f"; under {far_always} of the {factor.size} it may still stand above that"
     more = text * (far_always > far.size)
     sentence = (
         f"{far.size} of {factor.size} motions overturn the block first at more than {LARGEST_FACTOR:g} times their "

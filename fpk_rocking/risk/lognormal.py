@@ -333,7 +333,7 @@ def outcomes_text(scale: Array, curve: Array) -> str:
         return f"happens at none of {over.size} scales"
     not_over = np.flatnonzero(~over)
     always = not_over[-1] + 1 if not_over.size else 0
-    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
+    last = f", at all of them from {scale[always]:.4g} on" if always < over.size else ""
     return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
 
 

@@ -55,8 +55,9 @@ class Ensemble(Sample):
     ) -> Self:
         """Make an ensemble of paths that were computed elsewhere, to plot it or hold it against other results.
 
-        A block counts as overturned from the first of its states on that is at ``scene.overturning.angle`` or beyond;
-        what comes after that state is not used, and may be nan.
+        A block counts as overturned from the first of its states on that is at ``scene.overturning.angle`` or beyond,
+        to the side of its sign; what comes after that state is not used, and may be nan. The time of overturning is
+        that of this state, later than the true one: `overturning_rate` and `first_passage` refuse it.
 
         Parameters
         ----------
@@ -94,7 +95,7 @@ class Ensemble(Sample):
         over = np.maximum.accumulate(np.abs(states[0]) >= bound, axis=1)
         if not np.isfinite(np.where(over, 0.0, states)).all():
             raise ValueError(
-                checks.refusal("angle and velocity", "nan or inf", f"numbers until the angle is {bound:g}")
+                checks.refusal("angle and velocity", "nan or inf", f"numbers up to an angle of {bound:g} or beyond")
             )
         first, ended = np.argmax(over, axis=1), over[:, -1]
         side = np.sign(np.take_along_axis(states[0], first[:, None], axis=1)[:, 0])

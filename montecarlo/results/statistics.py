@@ -52,11 +52,18 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
     >>> print(first_passage(ensemble, [0.0, 4.0, 8.0]).density.round(3))
     [0.    0.024]
     """
-    checks.instance("result", result, Ensemble, Histories)
+    _refuse_late_times("result", checks.instance("result", result, Ensemble, Histories))
     edges = ascending_edges("edges", edges, finite=True)
     times = np.asarray(result.overturn_time)
     counts = np.histogram(times[np.isfinite(times)], edges)[0]
     return _histogram(edges, counts, times.size, wilson_interval(counts, times.size, level))
+
+
+def _refuse_late_times(name, result):
+    """Raise ValueError for a result of `Ensemble.from_paths`: a block has overturned before the time that it has."""
+    if isinstance(result, Ensemble) and not result.steps_per_cycle:
+        got = f"own paths, whose times of overturning are those of the first state after it"
+        raise ValueError(checks.refusal(name, got, "what `simulate` or `histories` returns"))
 
 
 def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -> Histogram:
@@ -180,7 +187,7 @@ def overturning_rate(ensemble: Ensemble, after: int, level: float = 0.95, side: 
     >>> print(f"{rate.rate:.3f} per cycle, {rate.interval.round(3)}")
     0.073 per cycle, [0.061 0.086]
     """
-    checks.instance("ensemble", ensemble, Ensemble)
+    _refuse_late_times("ensemble", checks.instance("ensemble", ensemble, Ensemble))
     refuse_transient(ensemble.scene.forcing, "a rate of overturning per cycle")
     if ensemble.deterministic:
         accepted = "a scene with noise or a start that is spread; one path has a time of overturning and no rate"

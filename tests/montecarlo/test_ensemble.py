@@ -26,7 +26,7 @@ from fpk_rocking.scene import (
     Start,
     load_scene,
 )
-from montecarlo import Ensemble, Histories, correlation_dimension, histories, simulate
+from montecarlo import Ensemble, Histories, correlation_dimension, first_passage, histories, overturning_rate, simulate
 from montecarlo.engines import batches
 
 SCENE = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
@@ -391,6 +391,9 @@ def test_an_ensemble_of_own_paths_is_that_of_the_engine(ensemble, tmp_path):
     late = own.overturn_time[ended] - ensemble.overturn_time[ended]
     assert late.min() >= 0.0
     assert late.max() <= SCENE.period
+    for refused in (lambda: overturning_rate(own, after=1), lambda: first_passage(own, [0.0, 4.0])):
+        with pytest.raises(ValueError, match=r"got 'own paths, whose times of overturning are those of the first"):
+            refused()
     assert "mine" in own.title
     own.save(tmp_path / "own.npz")
     np.testing.assert_array_equal(Ensemble.load(tmp_path / "own.npz").angle, own.angle)
@@ -408,8 +411,8 @@ def test_own_paths_may_end_in_nan_once_the_block_is_over(ensemble):
     [
         ([[0, 1]], [[0, 1, 2]], None, r"shapes \(1, 2\) and \(1, 3\)"),
         ([0, 1], [0, 1], None, "a row for each path"),
-        ([[0, np.nan]], [[0, 1]], None, "numbers until the angle is 1.57"),
-        ([[0, 1]], [[0, np.inf]], None, "numbers until the angle is 1.57"),
+        ([[0, np.nan]], [[0, 1]], None, "numbers up to an angle of 1.57.* or beyond"),
+        ([[0, 1]], [[0, np.inf]], None, "numbers up to an angle of 1.57.* or beyond"),
         ([[0, 1]], [[0, 1]], [0, 1], "times"),
     ],
 )
