@@ -62,7 +62,7 @@ def first_passage(result: Ensemble | Histories, edges: ArrayLike, level: float =
 def _refuse_late_times(name, result):
     """Raise ValueError for a result of `Ensemble.from_paths`: a block has overturned before the time that it has."""
     if isinstance(result, Ensemble) and not result.steps_per_cycle:
-        got = f"own paths, whose times of overturning are those of the first state after it"
+        got = "own paths, whose times of overturning are those of the first state after it"
         raise ValueError(checks.refusal(name, got, "what `simulate` or `histories` returns"))
 
 
