@@ -195,7 +195,8 @@ def write_finer_rows(truth):
         "Eulerian baseline: finer meshes",
         f"""{result}
 
-As above, with the meshes of the density solver (`python benchmarks/eulerian.py --all`).
+The baseline of the section "Eulerian baseline", which explains the columns, on the meshes that the density solver takes
+(`python benchmarks/eulerian.py --all`).
 
 {lines}
 

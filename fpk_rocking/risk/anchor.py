@@ -4,7 +4,7 @@ A block that a tie keeps on its base has the acceleration a of the base. About t
 the weight W, the height h of the centre of mass and its distance b from the corner, the moment M = W (h a/g - b) is
 left to the tie where it is above 0: a horizontal force M/H at the height H, or a tension M/B at the other edge, at the
 distance B. This is exact for a rigid tie without slack, and a bound for the motion as its largest |a| counts in both
-directions. A tie that gives way moves by more than the base.
+directions. If a tie stretches or has slack, the block begins to rock, and the force may be larger.
 """
 
 import math

@@ -26,9 +26,9 @@ _DRAWS = 5_000
 """Draws of a pair of populations: they move a limit of a ratio by a hundredth of its distance from the middle."""
 
 _NO_BOUND = (
-    "Neither is a bound in three dimensions. Of planar motions, overturning in one plane at least is as frequent as "
-    "the larger says, or more, and at most as frequent as the sum. But both components act at once: the block rolls on "
-    "a corner and turns, which may bring it down sooner or save it."
+    "Neither is a bound in three dimensions. If motion in one plane did not affect the other, the block would overturn "
+    "at least as often as the larger says, and at most as often as the sum. But both components act at once, and the "
+    "block may roll on a corner and turn."
 )
 
 

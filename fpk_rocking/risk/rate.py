@@ -216,8 +216,8 @@ class Risk(Result):
             text += f"{rate_text(self.exported_rate)}."
         if self.upper_from_below > 0.2:
             lowest = f"{self.curve.measure} {np.nanmin(self.curve.jumps):.3g} {self.curve.unit}"
-            text += f" At the upper limit {100.0 * self.upper_from_below:.0f} % of the rate comes from below {lowest}, "
-            text += "the lowest at which a motion overturns the block, exceeded "
+            text += f" {100.0 * self.upper_from_below:.0f} % of the upper limit of the rate comes from below {lowest}, "
+            text += "where no motion overturns the block and the curve is an extrapolation. This intensity is exceeded "
             text += f"{rate_text(float(self.hazard(np.nanmin(self.curve.jumps))))} times a year."
         if not self.curve.jumps.size:
             text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."

@@ -315,11 +315,8 @@ class Study(Result):
         level, friction = lift_off_g(self.scene.block), self.scene.block.least_friction
         text = f"The block lifts off at {level:.3g} g{self._lift_off_on_ground(level)}. "
         text += f"With a coefficient of friction below {friction:.3g} it slides "
-        tied = (
-            "Ties are rigid and without slack, their forces static, at the largest peak acceleration of the motions; a "
-        )
-        tied += "tie that gives way lets it move by more than the base."
-
+        tied = "Forces of ties are static, at the largest peak acceleration of the motions, and hold for rigid ties. "
+        tied += "If a tie stretches or has slack, the block begins to rock, and the force may be larger."
         text += "before it rocks; rocking needs somewhat more."
         text += " This, and forces of ties, are without the vertical motions." * self._lifted
         return [text, *[tied] * bool(self.asked.size)]
