@@ -74,7 +74,7 @@ def test_pictures_of_survival_and_leakage_of_several_results(tmp_path, drawn):
         drawn[1].axes, ((result.columns, row) for result in (density, sample) for row in (2, 140)), strict=False
     ):
         left, right = columns["overturned_left"][row], columns["overturned_right"][row]
-        assert axes.get_title().endswith(f"overturned {left:.3f} left, {right:.3f} right")
+        assert " ".join(axes.get_title().split()).endswith(f"overturned left {left:.3f}, right {right:.3f}")
 
 
 def test_pictures_of_a_comparison():
