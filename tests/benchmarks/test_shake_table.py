@@ -123,21 +123,21 @@ def phrases():
     yield f"draws of frequency parameter and restitution is {pair(lambda row: row['effective draws'], 0)}."
     yield f"is {pair(lambda row: row['scores'][main]['z of the sum'], 1)} standard deviations from"
     yield f"{pair(lambda row: row['wrong'], 0)} of 238 are predicted wrongly"
-    yield f"with probability {pair(lambda row: row[area]['PGV'], 3)} (area under"
+    yield f"its area under the ROC curve is {pair(lambda row: row[area]['PGV'], 3)}, against"
     yield f"against {pair(lambda row: row[area]['PGA'], 3)} of PGA"
     yield f"not seen, have {pair(lambda row: row[area][main], 3)}."
     first, second = (
         RESULTS[name]["scores"][both]["Brier above"] / RESULTS[name]["scores"][both]["Brier above, error"]
         for name in benchmark.SPECIMENS
     )
-    yield f"ahead by {second:.1f} on specimen 2, and by {first:.1f} on specimen 1"
+    yield f"of the pair PGA and PGV/PGA by {second:.1f} on specimen 2, and by {first:.1f} on specimen 1"
     single = [
         row["Brier above"] / row["Brier above, error"]
         for name in benchmark.SPECIMENS
         for model, row in RESULTS[name]["scores"].items()
         if model.startswith(benchmark.LOGISTIC) and model != both
     ]
-    yield f"on both rocks, by at least {min(single):.1f} standard errors"
+    yield f"of every single intensity measure by at least {min(single):.1f} standard errors"
     housner = pair(lambda row: 1.0 - 1.5 * math.sin(row["posterior"]["critical_angle"][0]) ** 2, 3)
     yield f"Housner's restitution would be {housner}."
     yield f"Used here are {len(RESULTS['tests']['id'])} tests of each rock"
