@@ -16,10 +16,10 @@ from fpk_rocking.physics.motion import TERMS
 from fpk_rocking.physics.motion.equation import (
     KernelBlock,
     acceleration,
-    block_at,
-    block_in,
     block_of_scene,
     dispatch_on_block,
+    inlined_block_at,
+    inlined_block_in,
     segment_from_particular,
 )
 from fpk_rocking.physics.motion.events import advance_through_events, can_lift_off, folded_angle_bounds
@@ -141,11 +141,11 @@ def _slender_step(x, v, side, k, h, workspace, _block):
 def classical_step(u, w, side, begin, middle, end, h, block):
     """Return the folded (u, w) after a classical Runge-Kutta step, by the forces at its three times."""
     half = 0.5 * h
-    between = block_at(half, block)
+    between = inlined_block_at(half, block)
     first = acceleration(u, side, begin, block)
     second = acceleration(u + half * w, side, middle, between)
     third = acceleration(u + half * (w + half * first), side, middle, between)
-    fourth = acceleration(u + h * (w + half * second), side, end, block_at(h, block))
+    fourth = acceleration(u + h * (w + half * second), side, end, inlined_block_at(h, block))
     return u + h * (w + h * (first + second + third) / 6.0), w + h * (first + 2.0 * (second + third) + fourth) / 6.0
 
 
@@ -162,7 +162,7 @@ _step = dispatch_on_block(_slender_step, _exact_step)
 @kernel(fastmath={"contract"}, forceinline=True)
 def _try_step(state, side, _number, j, parameters, workspace):
     k, h, (x, v) = j % workspace.low.size, parameters.grid.spacing, state
-    block = block_in(parameters.weights, j, parameters.block)
+    block = inlined_block_in(parameters.weights, j, parameters.block)
     if side == 0:
         return not can_lift_off(workspace.low[k], workspace.high[k], block), state
     floor, roof = folded_angle_bounds(side * x, side * v, side, workspace.low[k], workspace.high[k], h, block)
@@ -187,7 +187,7 @@ def _build_force(_number, j, parameters, workspace):
 @kernel
 def _step_with_events(state, _end, side, number, j, share, cycle, parameters, workspace, impacts):
     (x, v), n, h, k = state, parameters.grid.count, parameters.grid.spacing, j % workspace.low.size
-    block = block_in(parameters.weights, j, parameters.block)
+    block = inlined_block_in(parameters.weights, j, parameters.block)
     origin = (cycle + number // n) * (n * h) + (j - k) * h
     segment = borrowed(segment_from_particular(workspace.particular, workspace.scratch, h))
     x, v, side, time = advance_through_events(x, v, side, segment, 0.0, h * share, block, impacts, origin + k * h)
