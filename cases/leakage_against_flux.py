@@ -113,7 +113,7 @@ def draw(path, values):
     fluxes, rates = (values["over_noise"][1][name] for name in ("flux_per_cycle", "rate"))
     weak, strong = values["variances"][0], values["variances"][-1]
     title = (
-        f"At A = 4.6 noise of σ² = {strong:g}, not {weak:g}, raises the phase flux by "
+        f"At A = 4.6 noise of σ² = {strong:g} in place of {weak:g} raises the phase flux by "
         f"{100.0 * (fluxes[-1] / fluxes[0] - 1.0):.0f} %, the rate of overturning {rates[-1] / rates[0]:,.0f}-fold; "
         f"the flux is {min(ratios)} to {max(ratios):,.0f} times the rate"
     )

@@ -132,9 +132,11 @@ class Ensemble(Sample):
 
     @property
     def first_overturning(self) -> tuple[float, float, int] | None:
-        """(time, time, side) of overturning of realization 0: τ twice, and -1 or 1; None if it stands."""
-        time, side = float(self.overturn_time[0]), int(self.overturn_side[0])
-        return (time, time, side) if side else None
+        """(earliest, latest, side) of overturning of realization 0: times τ, and -1 or 1; None if it stands."""
+        latest, side = float(self.overturn_time[0]), int(self.overturn_side[0])
+        # Own paths tell the states before and after it.
+        earliest = latest if self.steps_per_cycle else float(self.times[self.times < latest].max(initial=0.0))
+        return (earliest, latest, side) if side else None
 
     def _binned(self, row, edges):
         standing = np.isfinite(self.angle[:, row])

@@ -199,6 +199,14 @@ def test_a_long_call_says_so_before_it_begins(monkeypatch, capsys):
     assert "10,000 sampled paths give a standard error of 0.005" in said
 
 
+@pytest.mark.parametrize("tol", [1e-2, 1e-3, 1e-4])
+def test_the_seconds_of_as_many_solutions_are_predicted_as_are_made(tol):
+    """Two, and the coarser one that tells the error: it is the fastest, or else the last and finest."""
+    first, second, third = solver.predicted_seconds(load_scene("main").white_equivalent(), tol=tol, cycles=4)
+    assert 0.0 < first < second
+    assert third < first or third > second
+
+
 def test_a_long_finer_solution_says_so_before_it_begins(monkeypatch, capsys, refined):
     """By what the one before took; the first three are told of together."""
     monkeypatch.setattr(solver, "estimated_seconds", lambda _scene, mesh, _times: float(mesh))

@@ -426,5 +426,7 @@ def test_own_paths_of_a_motion_have_the_times_that_are_given():
     own = Ensemble.from_paths(pulse, [[0, 1.0, -1.6]], [[0, 1, -1]], times=[0.0, 2.0, 5.0])
     assert own.overturn_side.tolist() == [-1]
     assert own.overturn_time.tolist() == [5.0]
+    assert own.first_overturning == (2.0, 5.0, -1)
+    assert own.metadata["outcome"] == "deterministic: overturns to the left between τ = 2 and τ = 5"
     with pytest.raises(ValueError, match="the 3 of the columns"):
         Ensemble.from_paths(pulse, [[0, 1.0, -1.6]], [[0, 1, -1]], times=[2.0, 5.0, 6.0])

@@ -156,6 +156,9 @@ def test_one_motion_without_noise_has_no_limits():
     scene = at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))
     curve = IntensityCurve.of(fragility(scene, scale=[0.1, 0.5]))
     assert np.isnan(curve.point_limits).all()
+    places, share, limits = curve.outcomes
+    assert np.array_equal(limits, np.stack([share, share], axis=-1))
+    assert limits.shape == (places.size, 2)
     risk = annual_frequency(curve, Hazard.power_law(1e-3, 2.0))
     assert np.isnan(risk.interval).all()
     assert risk.title == f"annual rate of overturning = {rate_text(risk.rate)} (no limits)"
