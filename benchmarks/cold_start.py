@@ -60,7 +60,7 @@ def timed(command, cache):
 
 def rows():
     """Cold and warm seconds of every command."""
-    commands = {name: [sys.executable, "-m", "fpk_rocking.cli", *rest] for name, rest in COMMANDS.items()}
+    commands = {name: [sys.executable, "-m", "fpk_rocking", *rest] for name, rest in COMMANDS.items()}
     commands["operator"] = [sys.executable, "-c", OPERATOR]
     for name, command in commands.items():
         with tempfile.TemporaryDirectory() as cache:

@@ -1,7 +1,7 @@
 """Render every figure of the cases into docs/gallery.
 
 Each case is run as its own command line would, into a folder under ``results``, and its pictures are reduced to at most
-150 kB: fewer colours first, then fewer pixels. A picture file holds its title, which the site writes beside it. What
+150 kB: fewer colours first, then fewer pixels. A picture file holds its title, which says what it shows. What
 the case wrote as ``.json`` stands beside the pictures under the same name. A case that fails leaves the gallery as it
 was. Some cases draw from these numbers alone: for a change of their looks they need not run again. docs/gallery.md
 shows all pictures, those of the benchmarks too.
@@ -81,6 +81,20 @@ PARTS = {
     "time_histories": "Paths, long runs, every start",
     "fragility_of_blocks": "Blocks in metres",
 }
+# What docs/gallery.md writes below a picture, where that is not the headline of its case.
+CAPTIONS = {
+    "fig05.png": "Fig. 5: time histories, Poincaré points, and survival under three noise bands",
+    "fig06.png": "Fig. 6: the joint density after 2 to 20 cycles",
+    "fig06_maps.png": "The same as maps, by density and Monte Carlo",
+    "fig06_survival.png": "Survival by both, and the difference",
+    "convergence.png": "Error of the density on finer meshes",
+    "physics_engines.png": "Engines for many bodies on one rocking block",
+    "shake_table_fragility.png": "Shake-table tests: curves over PGV of predictions lie near those of outcomes",
+    "shake_table_missed.png": "Shake-table tests that a fit predicts wrongly if it has not seen the motion",
+    "shake_table_reliability.png": "Shake-table tests: probabilities hold for motions that the fit has not seen",
+    "time_at_equal_error.png": "Error against seconds, density and samplers",
+    "time_at_equal_error_growth.png": "Seconds over the noise and over the number of cycles",
+}
 ROOT = pathlib.Path(__file__).parents[1]
 LARGEST = 150_000
 WIDTHS = (1260, 1130, 1010, 900, 800)
@@ -155,32 +169,26 @@ def reduce(source, target, largest=LARGEST):
 
 
 def shown(docs):
-    """Return the text of docs/gallery.md: every picture of the gallery and of the benchmarks once, with its message.
+    """Return the text of docs/gallery.md: every picture of the gallery and of the benchmarks once, with a caption.
+
+    A picture's own title says what follows from it, the caption what is drawn: the headline of its case, or `CAPTIONS`.
 
     Parameters
     ----------
     docs : path
         Folder in which the page, ``gallery/`` and ``benchmarks/`` are.
     """
-    parts = ["# Gallery", "Each picture with what it says, and the script that draws it. The numbers lie beside it."]
+    parts = ["# Gallery", "What is drawn, and the script that draws it; the numbers lie beside it."]
     for name, pictures in PICTURES.items():
         parts += [f"## {PARTS[name]}"] if name in PARTS else []
-        parts += [
-            _shown(docs, f"gallery/{kept}", f"cases/{name}.py", f"../cases/{name}.py") for kept in pictures.values()
-        ]
+        source = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
+        headline = source.partition("\n")[0].strip('".')
+        for kept in pictures.values():
+            parts += [f"[![cases/{name}.py](gallery/{kept})](../cases/{name}.py)", f"*{CAPTIONS.get(kept, headline)}.*"]
     parts += ["## Measurements"]
-    pictures = sorted(path.name for path in pathlib.Path(docs, "benchmarks").glob("*.png"))
-    parts += [_shown(docs, f"benchmarks/{kept}", "benchmarks", "benchmarks.md") for kept in pictures]
+    for kept in sorted(path.name for path in pathlib.Path(docs, "benchmarks").glob("*.png")):
+        parts += [f"[![benchmarks](benchmarks/{kept})](benchmarks.md)", f"*{CAPTIONS[kept]}.*"]
     return "\n\n".join(parts) + "\n"
-
-
-def _shown(docs, path, source, page):
-    """Return a picture, which links the page of its source, with its message, which is its title."""
-    from PIL import Image
-
-    with Image.open(pathlib.Path(docs, path)) as picture:
-        message = title_of(picture)
-    return f"[![{source}]({path})]({page})\n\n*{message}.*"
 
 
 def title_of(picture):

@@ -103,21 +103,20 @@ def _compared(scenes, sampled):
 
 def draw(path, values):
     """Draw what the JSON file holds."""
-    sampled = (
-        f"Φ: phase flux (paper eq. 17, corrected); T: forcing period. Points, with 95 % intervals: rate of overturning "
-        f"of those of {values['realizations']:,} blocks that stand after {values['forgotten_cycles']} cycles, until "
-        f"cycle {values['cycles']}."
-    )
     studies = *values["over_noise"], values["over_restitution"]
     ratios = [float(f"{ratio:.2g}") for study in studies for ratio in study["flux_over_rate"] if ratio]
+    note = (
+        f"Φ: phase flux (paper eq. 17, corrected), T: forcing period; ΦT is {min(ratios)} to {max(ratios):,.0f} times "
+        f"the rate. Points, with 95 % intervals: rate of overturning at A = 4.6 of those of {values['realizations']:,} "
+        f"blocks that stand after {values['forgotten_cycles']} cycles, until cycle {values['cycles']}."
+    )
     fluxes, rates = (values["over_noise"][1][name] for name in ("flux_per_cycle", "rate"))
     weak, strong = values["variances"][0], values["variances"][-1]
     title = (
-        f"At A = 4.6 noise of σ² = {strong:g} in place of {weak:g} raises the phase flux by "
-        f"{100.0 * (fluxes[-1] / fluxes[0] - 1.0):.0f} %, the rate of overturning {rates[-1] / rates[0]:,.0f}-fold; "
-        f"the flux is {min(ratios)} to {max(ratios):,.0f} times the rate"
+        f"Noise of σ² = {strong:g} in place of {weak:g} raises the phase flux by "
+        f"{100.0 * (fluxes[-1] / fluxes[0] - 1.0):.0f} %, the rate of overturning {rates[-1] / rates[0]:,.0f}-fold"
     )
-    with pictures.page(path, (10.5, 5.6), title, [sampled]) as figure:
+    with pictures.page(path, (10.5, 5.6), title, [note]) as figure:
         noise, block = figure.subplots(1, 2, sharey=True)
         for study, colour, marker in zip(values["over_noise"], pictures.shades(len(BANDS)), "osD", strict=True):
             _pair(noise, values["variances"], study, colour, marker)

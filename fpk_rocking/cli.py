@@ -434,7 +434,3 @@ def _hand_over(options, result, values, table, films=()):
         sys.stdout.write(json.dumps(values, allow_nan=False, ensure_ascii=False) + "\n")
     else:
         tables.show(*table)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,6 +5,7 @@ The pictures are those of `make gallery`, kept in docs/gallery: to draw them tak
 
 import ast
 import pathlib
+import re
 import sys
 
 from bars import escaped
@@ -84,10 +85,12 @@ def _headed(title, rule):
 
 
 def _linked(_app, docname, source):
-    """Have links to cases lead to pages, not to files."""
+    """Have links to cases lead to pages, not to files, and pictures of the gallery say what they show."""
     depth = "../" * docname.count("/")
     for name in PICTURES:
         source[0] = source[0].replace(f"](../{depth}cases/{name}.py)", f"]({depth}cases/{name}.rst)")
+    pictures = r"!\[cases/\w+\.py\]\(gallery/(\w+\.png)\)"
+    source[0] = re.sub(pictures, lambda found: f"![{_message(found[1])}](gallery/{found[1]})", source[0])
 
 
 def setup(app):

@@ -19,10 +19,8 @@ import numpy as np
 from fpk_rocking.analytics.process import (
     amplitude_and_frequency,
     forcing_along_orbit,
-    harmonic_amplitude,
-    impact_loss,
-    melnikov_deviations,
     noise_array,
+    process_terms,
     refuse_exact,
 )
 from fpk_rocking.base import checks
@@ -62,12 +60,12 @@ def phase_flux(
     >>> print(melnikov.phase_flux((4.6, 2.7), 0.5, [NoNoise(), WhiteNoise(0.005)]).round(4))
     [0.1861 0.1876]
     """
+    harmonic, loss, sigma = process_terms(forcing, restitution, noise, critical_angle)
     if not isinstance(forcing, Harmonics):
-        loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
-        return _excess(harmonic_amplitude(forcing, critical_angle), loss, sigma)
+        return _excess(harmonic, loss, sigma)
     along = forcing_along_orbit(forcing, critical_angle)
-    pairs = np.broadcast(impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle))
-    return np.reshape([_excess_of_sum(along, *pair) for pair in pairs], pairs.shape)[()]
+    pairs = zip(loss.flat, sigma.flat, strict=True)
+    return np.reshape([_excess_of_sum(along, *pair) for pair in pairs], loss.shape)[()]
 
 
 def phase_flux_as_printed(
@@ -111,8 +109,8 @@ def phase_flux_as_printed(
     refuse_exact(critical_angle, "the flux as printed")
     if equation not in (17, 18):
         raise ValueError(checks.refusal("equation", equation, "17 or 18"))
-    harmonic, loss = _single(forcing), impact_loss(restitution)
-    scale = melnikov_deviations(noise) * _strengths(noise)
+    harmonic, loss, sigma = process_terms(amplitude_and_frequency(forcing), restitution, noise)
+    scale = sigma * _strengths(noise)
     if equation == 17:
         return _excess(harmonic, loss, scale)
     # σσ_M φ(L) - L N(-L) is the unscaled bracket, that of σ_M = 1, and (σσ_M - 1) φ(L).
@@ -158,9 +156,8 @@ def phase_flux_sampled(
     strata, repeats = checks.count("strata", strata), checks.count("repeats", repeats)
     if repeats == 1:
         raise ValueError(checks.refusal("repeats", repeats, "a whole number >= 2"))
-    loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
-    parameters = (_single(forcing, critical_angle), loss, sigma)
-    harmonic, loss, sigma = (part[..., None, None] for part in np.broadcast_arrays(*parameters))
+    terms = process_terms(amplitude_and_frequency(forcing), restitution, noise, critical_angle)
+    harmonic, loss, sigma = (part[..., None, None] for part in terms)
     generator, corners = np.random.default_rng(seed), np.arange(strata)
     means = []
     for _ in range(repeats):
@@ -169,11 +166,6 @@ def phase_flux_sampled(
         cosine = np.cos(math.pi * (corners + jitter[1]) / strata)
         means.append(np.maximum(sigma * normal + harmonic * cosine - loss, 0.0).mean(axis=(-2, -1)))
     return np.mean(means, axis=0)[()], (np.std(means, axis=0, ddof=1) / math.sqrt(repeats))[()]
-
-
-def _single(forcing, critical_angle=0.0):
-    """Return D_m of one harmonic, or of arrays in a pair (amplitude, frequency); TypeError for several harmonics."""
-    return harmonic_amplitude(amplitude_and_frequency(forcing), critical_angle)
 
 
 def _excess_of_sum(along, loss, sigma):

@@ -30,12 +30,14 @@ import numpy as np
 
 from fpk_rocking.analytics.flux import phase_flux, phase_flux_as_printed, phase_flux_sampled
 from fpk_rocking.analytics.process import (
+    broadcast,
     harmonic_amplitude,
     heteroclinic_orbit,
     impact_loss,
     melnikov_deviations,
     numbers,
     process_mean,
+    process_terms,
     refuse_exact,
     sampled_process,
     transfer,
@@ -107,8 +109,11 @@ def critical_amplitude(
     if criterion not in shares:
         accepted = " or ".join(map(repr, shares))
         raise ValueError(checks.refusal("criterion", criterion, accepted))
-    omega = numbers("frequency", frequency, above=0.0)
-    loss, sigma = impact_loss(restitution, critical_angle), melnikov_deviations(noise, critical_angle)
+    omega, loss, sigma = broadcast(
+        frequency=numbers("frequency", frequency, above=0.0),
+        restitution=impact_loss(restitution, critical_angle),
+        noise=melnikov_deviations(noise, critical_angle),
+    )
     lacking = np.maximum(loss - sigma, 0.0) * (loss + sigma)
     needed = 0.5 * (1.0 + omega**2) if critical_angle == 0.0 else 1.0 / np.abs(transfer(omega, critical_angle))
     return (needed * np.sqrt(lacking / shares[criterion]))[()]
@@ -138,8 +143,10 @@ def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, criti
     [0.632 2.054]
     """
     refuse_exact(critical_angle, "the exact critical amplitude")
-    omega = numbers("frequency", frequency, above=0.0)
-    e = numbers("restitution", restitution, at_least=0.0, at_most=1.0)
+    omega, e = broadcast(
+        frequency=numbers("frequency", frequency, above=0.0),
+        restitution=numbers("restitution", restitution, at_least=0.0, at_most=1.0),
+    )
     return ((1.0 - e) * (1.0 + omega**2) / np.hypot(1.0 + e, (1.0 - e) * omega))[()]
 
 
@@ -170,5 +177,5 @@ def margin(
     >>> print(melnikov.margin(([1.0, 4.6], 2.7), 0.5, NoNoise()).round(3))
     [-0.134  0.735]
     """
-    size = np.hypot(harmonic_amplitude(forcing, critical_angle), melnikov_deviations(noise, critical_angle))
-    return (size - impact_loss(restitution, critical_angle))[()]
+    harmonic, loss, sigma = process_terms(forcing, restitution, noise, critical_angle)
+    return (np.hypot(harmonic, sigma) - loss)[()]

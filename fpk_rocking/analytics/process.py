@@ -18,7 +18,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Number
-from fpk_rocking.physics.forcing import FORCINGS, Harmonic, Harmonics, refuse_transient
+from fpk_rocking.physics.forcing import Harmonic, Harmonics, refuse_transient
 from fpk_rocking.physics.motion.separatrix import kernel_halves, separatrix_orbit, separatrix_speed
 from fpk_rocking.physics.noise.equivalence import noise_variance
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise, refuse_envelope
@@ -89,7 +89,7 @@ def harmonic_amplitude(
     """
     if isinstance(forcing, Harmonics):
         return forcing_along_orbit(forcing, critical_angle).largest
-    amplitude, frequency = amplitude_and_frequency(forcing)
+    amplitude, frequency = amplitude_and_frequency(forcing, "a Harmonic, Harmonics, or a tuple (amplitude, frequency)")
     return amplitude * np.abs(transfer(frequency, critical_angle))
 
 
@@ -144,14 +144,14 @@ def process_mean(
     >>> print(melnikov.process_mean(load_scene("main").forcing, 0.5, [0.0, 0.5]).round(3))
     [ 0.735 -0.132]
     """
-    checks.instance("forcing", forcing, *FORCINGS.values())
     refuse_transient(forcing, "the Melnikov process")
-    tau = numbers("times", times)
+    checks.instance("forcing", forcing, Harmonic, Harmonics)
+    tau, loss = broadcast(times=numbers("times", times), restitution=impact_loss(restitution, critical_angle))
     waves = (
         a * transfer(k * forcing.frequency, critical_angle) * np.cos(k * forcing.frequency * tau + phase)
         for k, a, phase in forcing.components
     )
-    return -sum(waves) - impact_loss(restitution, critical_angle)
+    return -sum(waves) - loss
 
 
 def sampled_process(
@@ -195,7 +195,7 @@ def sampled_process(
     banded: BandNoise = checks.instance("noise", noise, BandNoise)
     e = checks.number("restitution", restitution, at_least=0.0, at_most=1.0)
     tau = np.atleast_1d(numbers("times", times))
-    nu, phi = np.broadcast_arrays(numbers("frequencies", frequencies), numbers("phases", phases))
+    nu, phi = broadcast(frequencies=numbers("frequencies", frequencies), phases=numbers("phases", phases))
     if nu.shape[-1:] != (banded.harmonics,):
         accepted = f"(..., {banded.harmonics}), the number of harmonics of the noise"
         raise ValueError(checks.refusal("shape of frequencies and phases", nu.shape, accepted))
@@ -232,17 +232,34 @@ def refuse_exact(critical_angle: float, what: str) -> None:
         raise ValueError(checks.refusal("critical_angle", critical_angle, f"0 (block.slender = true) for {what}"))
 
 
-def amplitude_and_frequency(forcing: Any) -> tuple[Array, Array]:
-    """Return (A, Ω) of a harmonic forcing, or of a pair (amplitude, frequency) of array_like after a check."""
+def amplitude_and_frequency(
+    forcing: Any, accepted: str = "a Harmonic, or a tuple (amplitude, frequency)"
+) -> tuple[Array, ...]:
+    """Return (A, Ω), which broadcast, of a Harmonic or of a tuple; `accepted` is what a refusal says."""
     if isinstance(forcing, Harmonic):
         return np.asarray(forcing.amplitude), np.asarray(forcing.frequency)
     refuse_transient(forcing, "the Melnikov process")
     if not isinstance(forcing, tuple) or len(forcing) != 2:
-        raise TypeError(checks.refusal("forcing", forcing, "a Harmonic, or a pair (amplitude, frequency)"))
-    amplitude, frequency = forcing
-    return (
-        numbers("forcing amplitude", amplitude, at_least=0.0),
-        numbers("forcing frequency", frequency, above=0.0),
+        raise TypeError(checks.refusal("forcing", forcing, accepted))
+    a = numbers("forcing amplitude", forcing[0], at_least=0.0)
+    return broadcast(amplitude=a, frequency=numbers("forcing frequency", forcing[1], above=0.0))
+
+
+def broadcast(**arrays: ArrayLike) -> tuple[Array, ...]:
+    """Return arrays of one shape; ValueError that names them where their shapes do not broadcast."""
+    try:
+        return np.broadcast_arrays(*arrays.values())
+    except ValueError:
+        shapes = [np.shape(array) for array in arrays.values()]
+        raise ValueError(checks.refusal(f"shapes of {', '.join(arrays)}", shapes, "shapes that broadcast")) from None
+
+
+def process_terms(forcing: Any, restitution: Any, noise: Any, critical_angle: float = 0.0) -> tuple[Array, ...]:
+    """Return D_m, M and σ_M in one shape; the forcing is looked at first, as it stands first in every call."""
+    return broadcast(
+        forcing=harmonic_amplitude(forcing, critical_angle),
+        restitution=impact_loss(restitution, critical_angle),
+        noise=melnikov_deviations(noise, critical_angle),
     )
 
 

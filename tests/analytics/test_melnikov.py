@@ -174,9 +174,37 @@ def test_everything_broadcasts():
         (lambda: melnikov.phase_flux(FORCING, [0.5, [0.3]], NOISE), TypeError, r"restitution: got \[0\.5, \[0\.3\]\]"),
         (lambda: melnikov.phase_flux(FORCING, 0.5, 0.16), TypeError, r"noise: got 0\.16, accepted: BandNoise or"),
         (
-            lambda: melnikov.phase_flux(4.0, 0.5, NOISE),
+            lambda: melnikov.phase_flux(4.0, 2.7, NOISE),  # A and Ω apart
             TypeError,
-            r"forcing: got 4\.0, accepted: a Harmonic, or a pair",
+            r"forcing: got 4\.0, accepted: a Harmonic, Harmonics, or a tuple \(amplitude, frequency\)",
+        ),
+        (lambda: melnikov.phase_flux([4.0, 2.7], 0.5, NOISE), TypeError, r"forcing: got \[4\.0, 2\.7\], .* a tuple"),
+        (lambda: melnikov.margin(0.5, (4.0, 2.7), NOISE), TypeError, r"forcing: got 0\.5, accepted"),
+        (
+            lambda: melnikov.phase_flux_sampled((4.0,), 0.5, NOISE),
+            TypeError,
+            r"forcing: got \(4\.0,\), accepted: a Harmonic, or a tuple",
+        ),
+        (
+            lambda: melnikov.phase_flux(([1, 2, 3], [1, 2]), 0.5, NOISE),
+            ValueError,
+            r"shapes of amplitude, frequency: got \[\(3,\), \(2,\)\], accepted: shapes that broadcast",
+        ),
+        (
+            lambda: melnikov.phase_flux(([1, 2, 3], 2.7), [0.5, 0.4], NOISE),
+            ValueError,
+            r"shapes of forcing, restitution, noise: got \[\(3,\), \(2,\), \(\)\]",
+        ),
+        (
+            lambda: melnikov.critical_amplitude([1.0, 2.0], [0.5, 0.4, 0.3], NOISE),
+            ValueError,
+            r"shapes of frequency, restitution, noise: got",
+        ),
+        (lambda: melnikov.critical_amplitude(0.5, 2.7, NOISE), ValueError, r"restitution: got 2\.7, .* <= 1\.0"),
+        (
+            lambda: melnikov.process_mean(FORCING, [0.5, 0.6], np.zeros(3)),
+            ValueError,
+            r"shapes of times, restitution: got \[\(3,\), \(2,\)\]",
         ),
         (lambda: melnikov.phase_flux((4.0, 0.0), 0.5, NOISE), ValueError, r"forcing frequency: got 0\.0, .* > 0\.0"),
         (lambda: melnikov.phase_flux((-1.0, 4.0), 0.5, NOISE), ValueError, r"forcing amplitude: got -1\.0, .* >= 0\.0"),
@@ -194,7 +222,7 @@ def test_everything_broadcasts():
         (lambda: melnikov.relative_variance(5), TypeError, r"noise: got 5, accepted: BandNoise, "),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, repeats=1), ValueError, r"repeats: got 1, .* >= 2"),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=0), ValueError, r"strata: got 0, .* >= 1"),
-        (lambda: melnikov.process_mean((4.0, 4.0), 0.5, 0.0), TypeError, r"forcing: got .* accepted: Harmonic"),
+        (lambda: melnikov.process_mean((4.0, 4.0), 0.5, 0.0), TypeError, r"forcing: got .* Harmonic or Harmonics$"),
         (
             lambda: melnikov.sampled_process(FORCING, 0.5, NOISE, 0.0, np.ones(99), np.ones(99)),
             ValueError,

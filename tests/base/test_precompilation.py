@@ -22,7 +22,7 @@ from montecarlo.engines import engine_of, engines_for, exact_slender, rk4, white
 from montecarlo.engines.batches import compilation_of
 
 ROOT = pathlib.Path(__file__).parents[2]
-CLI = (sys.executable, "-m", "fpk_rocking.cli")
+CLI = (sys.executable, "-m", "fpk_rocking")
 
 SCENE = """
 block.restitution = 0.5

@@ -4,6 +4,8 @@ import contextlib
 import io
 import json
 import pathlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -181,6 +183,13 @@ def test_bad_scene_is_named(tmp_path):
 def test_every_command_has_help(command):
     status, out, _ = run(command, "--help")
     assert (status, out[:5]) == (0, "usage")
+
+
+def test_python_m_runs_the_same_command_line():
+    asked = [sys.executable, "-m", "fpk_rocking", "fpk", "nowhere.toml"]
+    done = subprocess.run(asked, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == run("fpk", "nowhere.toml")[2]
 
 
 def test_help_gives_examples():

@@ -278,5 +278,5 @@ def test_melnikov_functions_of_several_harmonics():
         for node, weight in zip(nodes, weights / weights.sum(), strict=True)
     )
     assert melnikov.phase_flux(several, 0.6, noises[1]) == pytest.approx(mean, rel=1e-4)
-    with pytest.raises(TypeError, match=r"forcing: got .*, accepted: a Harmonic, or a pair"):
+    with pytest.raises(TypeError, match=r"forcing: got .*, accepted: a Harmonic, or a tuple"):
         melnikov.phase_flux_sampled(several, 0.6, NoNoise())

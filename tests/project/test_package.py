@@ -31,6 +31,7 @@ LAYERS = [
     {"fpk_rocking.risk"},
     {"fpk_rocking.options"},
     {"fpk_rocking.cli"},
+    {"fpk_rocking.__main__"},
 ]
 HEAVY = {"numba", "skfem", "scipy", "matplotlib", "pyvista", "vtk", "vtkmodules", "meshio", "rich"}
 

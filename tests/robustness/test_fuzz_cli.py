@@ -122,7 +122,7 @@ def test_a_distribution_without_its_name_or_its_value_is_refused(text):
 
 @pytest.mark.skipif(not pathlib.Path("/dev/full").exists(), reason="a file that takes nothing is Linux's own")
 def test_a_standard_output_that_takes_nothing_is_one_line(folder):
-    command = [sys.executable, "-m", "fpk_rocking.cli", "mc", str(folder / "scene.toml"), *FEW["mc"], "--json"]
+    command = [sys.executable, "-m", "fpk_rocking", "mc", str(folder / "scene.toml"), *FEW["mc"], "--json"]
     with pathlib.Path("/dev/full").open("w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=300, check=False)
     assert (done.returncode, done.stderr) == (2, "fpk-rocking mc: [Errno 28] No space left on device\n")

@@ -16,7 +16,7 @@ from fpk_rocking import cli
 from montecarlo import Tally, tally
 
 HERE = pathlib.Path(__file__).parent
-COMMAND = [sys.executable, "-m", "fpk_rocking.cli"]
+COMMAND = [sys.executable, "-m", "fpk_rocking"]
 pytestmark = pytest.mark.usefixtures("interruptible")
 
 
