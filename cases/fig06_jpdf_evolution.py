@@ -5,8 +5,8 @@ starts at rest. Its joint density of angle and velocity is shown after 2, 4, 10 
 the Fokker-Planck equation, with the probability that has overturned at the cut-off ±π/2. Maps show it after 2 to 40
 cycles, also from Monte Carlo.
 
-Two results are held side by side: the density, under filtered noise that stands for the paper's band, averaged over
-the strengths of realizations of 100 harmonics; and Monte Carlo with the paper's noise itself (method exact).
+Two results are held side by side: the density, under filtered noise that stands for the paper's band, with what 100
+harmonics change; and Monte Carlo with the paper's noise itself (method exact).
 
 The paper does not state the noise band; [0, 10] is inferred from its figures (band_inferred.py).
 

@@ -211,8 +211,12 @@ class Evolution(SurvivalResult):
         if not chosen:
             return ""
         choice, scatter = chosen["choice"], chosen.get("scatter")
-        mean = f" The density is a mean over realizations whose strengths scatter by {scatter:.2g}." if scatter else ""
-        return f"{choice[0].upper()}{choice[1:]}.{mean}"
+        few = (
+            f" Realizations of few harmonics scatter by {scatter:.2g} in strength, which it contains."
+            if scatter
+            else ""
+        )
+        return f"{choice[0].upper()}{choice[1:]}.{few}"
 
     @property
     def below_zero(self) -> str:

@@ -34,6 +34,9 @@ from fpk_rocking.physics.motion.events import advance_through_events
 from fpk_rocking.scene.least import KINDS, least_scenes
 from fpk_rocking.scene.parts import Start
 
+_NO_MASS = 1e-18
+"""Mass at rest that is dropped: of 1 in all, it is below rounding."""
+
 
 class FilteredPropagator(CyclicPropagator):
     """A scene that repeats, under filtered noise, at one resolution; parameters as of `Propagator`."""
@@ -72,6 +75,8 @@ class FilteredPropagator(CyclicPropagator):
 
     def _resting(self, at_rest, time):
         """Return the masses at rest after a `time` in which the noise alone changes."""
+        if not at_rest.any():
+            return at_rest
         return (self._kept(self.rest_nodes, time) @ at_rest.ravel()).reshape(at_rest.shape)
 
     def _kept(self, nodes, time):
@@ -128,8 +133,9 @@ class FilteredPropagator(CyclicPropagator):
                 self.steps.append(self._steps_at_nodes(k, duration))
         matrix = self._transition(0.5 * (duration + before))
         density = (matrix @ state.density.reshape(len(matrix), -1)).reshape(state.density.shape)
-        at_rest = state.at_rest if state.first else self._resting(state.at_rest, 0.5 * before)
-        at_rest = self._resting(at_rest, 0.5 * duration)
+        at_rest = state.at_rest.copy()
+        if not state.first:  # the states of a filter, and so masses of a start at rest, are stationary
+            at_rest = self._resting(self._resting(at_rest, 0.5 * before), 0.5 * duration)
         return density, self._move(k, density, at_rest, number), at_rest
 
     def _move(self, k, density, at_rest, number=None):
@@ -145,14 +151,22 @@ class FilteredPropagator(CyclicPropagator):
                 density[a, b], masses = step.apply(density[a, b])
                 outflow += masses[:3]
                 rested[a, b] = masses[3]
-        stays = np.ones(len(at_rest))
-        for place, part, value, (cells, values, beyond) in self._lifted_off(k, steps[0].characteristics.duration):
+        if at_rest.any():
+            outflow += self._lift_off(k, steps[0].characteristics.duration, density, at_rest)
+        at_rest += self.rest_nodes.rested(rested)
+        if np.abs(at_rest).sum() < _NO_MASS:
+            at_rest[:] = 0.0
+        return outflow
+
+    def _lift_off(self, k, duration, density, at_rest):
+        """Move the masses at rest that are lifted off from begin k on to the density, in place; return outflow (3,)."""
+        outflow, stays = np.zeros(3), np.ones(len(at_rest))
+        for place, part, value, (cells, values, beyond) in self._lifted_off(k, duration):
             lifted = part * at_rest[place]
             stays[place] -= part
             density[:, :, *cells] += np.multiply.outer(self.rest_nodes.lifted(value, lifted), values)
             outflow += lifted.sum() * beyond
         at_rest *= stays[:, None]
-        at_rest += self.rest_nodes.rested(rested)
         return outflow
 
     def _lifted_off(self, k, duration):

@@ -18,11 +18,13 @@ from fpk_rocking.density.propagator import PeriodicPropagator
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
 from fpk_rocking.density.replacing import (
     REPLACEMENTS,
+    STRENGTHS,
     UNCERTAIN_PART,
     choose,
+    lighter_tails,
     replaced_scene,
     scatter_of_strength,
-    strengths,
+    second_derivative,
 )
 from fpk_rocking.density.resolution import (
     RESOLUTIONS,
@@ -89,8 +91,8 @@ def solve_fpk(
     noise_replacement : {"white", "exponential", "filtered", "auto"}
         What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
         exponential or low-pass noise of equal variance and Melnikov variance, under which blocks do. "auto" takes the
-        fastest of these whose estimated error is within `tol`, else the most accurate, and averages over the strengths
-        of realizations of independent harmonics (`density.replacing`).
+        fastest of these whose estimated error is within `tol`, else the most accurate, and adds what finitely many
+        independent harmonics change (`density.replacing`).
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows with every refinement.
 
@@ -155,7 +157,7 @@ def solve_fpk(
     neglected = {} if choice is None else {"choice": choice.reason, "errors": choice.errors, "error": choice.error}
     scatter = 0.0 if choice is None else scatter_of_strength(scene)
     if scatter:
-        fine, changed = _over_strengths(fine, _at_unit_peak(scene.white_equivalent()), scatter, tol, times)
+        changed = with_few_harmonics(fine, scene, scatter, tol, times)
         neglected |= {"scatter": scatter, "error": choice.error + UNCERTAIN_PART * changed}
     at_rest = fine.at_rest
     unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
@@ -253,22 +255,30 @@ def _solve_coarsely(white, cycles):
     return solution.quantity, float(resting[4:].max())
 
 
-def _over_strengths(solution, white, scatter, tol, times):
-    """Return a `Solution` that is a mean over strengths of the noise, of a relative `scatter`, and what that changed.
+def with_few_harmonics(solution, scene, scatter, tol, times):
+    """Change a `Solution` in place by the `scatter` of strength and the tails of few harmonics; return by how much.
 
-    The change is that of densities under white noise on the same mesh.
+    The changes are those of densities under white noise on the same mesh, or in proportion to it.
     """
     discretization = solution.propagator.discretization
     plane = getattr(discretization, "plane", discretization)
-    change = 0.0
-    for strength, weight in strengths(scatter):
-        scene = white.varied(noise=dataclasses.replace(white.noise, diffusion=strength * white.noise.diffusion))
-        part = _solve(scene, plane, tol, times, solution.edges, None, None)
-        change = change + weight * part.quantity
-        solution.coefficients += weight * part.coefficients
-        solution.outflow += weight * part.outflow
-        solution.survival += weight * part.survival
-    return solution, float(np.abs(change).max())
+    white, parts = _at_unit_peak(scene.white_equivalent()), []
+    for strength in STRENGTHS:
+        noise = dataclasses.replace(white.noise, diffusion=strength * white.noise.diffusion)
+        parts.append(_solve(white.varied(noise=noise), plane, tol, times, solution.edges, None, None))
+    before, variance = solution.quantity, 0.5 * scatter**2
+    tails = lighter_tails(scatter, scene.noise.harmonics, [part.survival for part in parts])
+    overturned = solution.outflow.sum(axis=1)
+    back = np.divide(tails * solution.survival, overturned, out=np.zeros_like(tails), where=overturned > 0.0)
+    solution.coefficients *= 1.0 + tails.reshape(-1, *(1,) * (solution.coefficients.ndim - 1))
+    solution.coefficients += variance * second_derivative([part.coefficients for part in parts])
+    if solution.at_rest is not None:
+        solution.at_rest *= 1.0 + tails
+    solution.survival *= 1.0 + tails
+    solution.survival += variance * second_derivative([part.survival for part in parts])
+    solution.outflow *= 1.0 - back[:, None]
+    solution.outflow += variance * second_derivative([part.outflow for part in parts])
+    return float(np.abs(solution.quantity - before).max())
 
 
 def _at_unit_peak(white):

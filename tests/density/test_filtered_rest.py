@@ -9,6 +9,7 @@ import pytest
 from filtered_grids import EDGES, MAIN, SCENES, grid_of
 
 from fpk_rocking import (
+    BandNoise,
     Block,
     FilteredNoise,
     Harmonic,
@@ -22,6 +23,7 @@ from fpk_rocking.density.evolution import Evolution, warn_unresolved
 from fpk_rocking.density.filter_nodes import Nodes, filtered_discretization
 from fpk_rocking.density.filtered import FilteredPropagator, advance_from_rest
 from fpk_rocking.density.resolution import bins_tolerance
+from fpk_rocking.density.solver import with_few_harmonics
 from fpk_rocking.density.startup import FilteredStart
 from fpk_rocking.density.step.dynamics import Dynamics
 from fpk_rocking.physics.motion.equation import KernelBlock
@@ -72,6 +74,22 @@ def test_rest_and_motion_add_up_on_a_coarse_mesh():
     at_rest, survival = sampled_rest()
     assert solution.at_rest[1] == pytest.approx(at_rest, abs=0.03)
     assert np.all(np.abs(solution.survival - survival) <= 1e-2)
+
+
+def test_few_harmonics_change_rest_and_motion_alike():
+    """All probabilities are 1 in all, and those that stand are at rest or in the density."""
+    run = FilteredPropagator(LIFTED, filtered_discretization(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
+    times = run.scene.period * np.arange(2)
+    solution = run.propagate(times)
+    solution.edges = EDGES
+    few = LIFTED.varied(noise=BandNoise(2.0, (0.0, 10.0), 20))  # strong, as it is to change much
+    rested = solution.at_rest.copy()
+    changed = with_few_harmonics(solution, few, 0.5, 0.1, times)
+    assert changed > 1e-2
+    assert np.abs(solution.at_rest - rested).max() > 1e-3
+    assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
+    moving = run.space.masses(solution.coefficients[1]).sum()
+    assert moving == pytest.approx(solution.survival[1] - solution.at_rest[1], abs=1e-9)
 
 
 def test_what_noise_lifts_off_moves_on_from_there():
