@@ -92,6 +92,34 @@ def test_few_harmonics_change_rest_and_motion_alike():
     assert moving == pytest.approx(solution.survival[1] - solution.at_rest[1], abs=1e-9)
 
 
+def test_a_block_that_overturns_in_the_step_that_lifts_it_off_is_not_lost():
+    strong = LIFTED.varied(noise=FilteredNoise("exponential", 100.0, 2.0))
+    run = FilteredPropagator(strong, grid_of(LIFTED, 0, (6,), 4), 1e-8)
+    density, at_rest = np.zeros((*run.nodes.weights.shape, *run.space.shape)), run.rest_nodes.weights.copy()
+    outflow = run._move(0, density, at_rest)
+    assert outflow[:2].min() > 0.01
+    moving = sum(run.space.masses(part).sum() for part in density[:, 0])
+    assert moving + outflow.sum() + at_rest.sum() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_little_mass_at_rest_is_kept():
+    run = FilteredPropagator(LIFTED, filtered_discretization(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
+    density, at_rest = np.zeros((*run.nodes.weights.shape, *run.space.shape)), 1e-12 * run.rest_nodes.weights
+    outflow = run._move(0, density, at_rest)
+    moving = sum(run.space.masses(part).sum() for part in density[:, 0])
+    assert at_rest.sum() > 0.1e-12
+    assert moving + outflow.sum() + at_rest.sum() == pytest.approx(1e-12, rel=1e-9)
+
+
+def test_the_mass_at_rest_does_not_jump_between_steps():
+    """It is told at the end of a step and a ten-thousandth of a step later, by a part of the next."""
+    run = FilteredPropagator(LIFTED, filtered_discretization(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
+    end = run.time_of(2)
+    at_end, later = run.propagate(np.array([0.0, end, end + 1e-4 * run.durations[0]])).at_rest[1:]
+    assert at_end > 0.1
+    assert later == pytest.approx(at_end, abs=5e-3)
+
+
 def test_what_noise_lifts_off_moves_on_from_there():
     """In a step the part of the mass at rest beyond the level leaves, all of it, by its path and with its noise."""
     run = FilteredPropagator(LIFTED, filtered_discretization(LIFTED, grid_of(LIFTED, 0, (1,), 4).plane, 0), 1e-8)
