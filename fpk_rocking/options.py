@@ -66,7 +66,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --json                  print one JSON object instead of a table
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
                         fragility 0.01)
---rtol X:float          wanted error in parts of the probability; with --tol too, the larger error is enough
+--rtol X:float          wanted relative error of the probability; with --tol too, the larger error is enough
 --limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
 --bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
                         for a pulse or a record, and with inf: any)

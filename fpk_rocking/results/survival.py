@@ -117,7 +117,7 @@ class SurvivalResult(RowResult):
 
     @property
     def overturning_error(self) -> float | None:
-        """Error of the last probability of overturning in parts of it; None where nothing is random or none overturned.
+        """Relative error of the last probability of overturning; None where nothing is random or none overturned.
 
         Of a sample half the width of the 95 % interval. Of a density the total error, or the solver's where the
         replacement of the noise was not checked.

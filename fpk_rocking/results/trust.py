@@ -25,7 +25,7 @@ UNASKED = 0.05
 """Possible error of a probability above which there is caution where no tolerance was asked for, as of a sample."""
 
 SMALL = 0.4
-"""Error of a probability of overturning, in parts of it, above which there is caution."""
+"""Relative error of a probability of overturning above which there is caution."""
 
 NEGLIGIBLE = 1e-3
 """Error of a density, in parts of the wanted one and of `REPLACED`, that needs no caution however small P is."""
@@ -175,12 +175,12 @@ def _limits(tol, bins_tol, values=()):
         ),
         "error_estimate": ("estimated error of the probabilities", tol, useless),
         "half_width": ("half width of the 95 % interval of the probabilities", tol, useless),
-        # A probability is read in parts of itself: .006 ± .003 says no more than that it is small.
-        "overturning_error": ("error of the last probability of overturning, in parts of it,", *overturning),
+        # .006 ± .003 says no more than that the probability is small.
+        "overturning_error": ("relative error of the last probability of overturning", *overturning),
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),
-        "rate_error": ("standard error of ln(rate), smaller with more motions,", 0.2, 0.5),
+        "rate_error": ("standard error of ln(rate) (more motions make it smaller)", 0.2, 0.5),
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
         "rest_error_estimate": ("estimated error of the probability of being at rest", *never),
         "truncated": ("probability truncated beyond the largest velocity of the mesh", tol, useless),

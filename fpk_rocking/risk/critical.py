@@ -48,9 +48,9 @@ def critical_text(measure: str) -> str:
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
         "at least. Above it the block may stand again, until it always overturns. Narrower intervals may be missed: at "
         f"one {measure} an outcome may differ, the rate hardly does. P(overturned) is the share of the "
-        f"motions that overturn the block at a {measure}: it may be below the share of those whose critical {measure} "
-        f"is lower. A lognormal fit takes each motion at its equivalent {measure}: the one threshold above which "
-        f"it would overturn the block over the same total range of ln({measure})."
+        f"motions that overturn the block at a {measure}. A motion whose critical {measure} is lower does not count "
+        f"where the block stands again under it. A lognormal fit takes each motion at its equivalent {measure}: the "
+        f"one threshold above which it would overturn the block over the same total range of ln({measure})."
     )
 
 

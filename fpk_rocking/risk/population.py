@@ -301,8 +301,8 @@ class IntensityCurve(Result):
             of each other.
         events : sequence, optional
             A label for the motion of each scene, or of each that blocks were drawn for. Motions of one label, as the
-            two components of one record, are not independent either: an event counts as one motion, by their mean.
-            By default those of two motions whose files say the same event and station are one.
+            two components of one record, are not independent either: an event counts as one motion, with the mean of
+            their probabilities. By default two motions whose files say the same event and station have one label.
         samples : int, optional
             Number of replicates; by default 999 for one scene, for several `Capacities.usual_draws`.
         seed : int

@@ -361,8 +361,8 @@ class Study(Result):
             low, high = fit.median_interval
             text = f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], "
             text += f"dispersion {fit.dispersion:.3g}" + f", of which {curve.parts}" * bool(curve.parts)
-            misfit = "largest distance of the curve from the mean over the motions"
-            misfit += f"{', at any intensity,' * bool(curve.jumps.size)} {fit.misfit:.2g}"
+            at = "all intensities" if curve.jumps.size else "these intensities"
+            misfit = f"curve and mean of the motions differ by up to {fit.misfit:.2g} at {at}"
             if fit.rejected:
                 misfit += f": the fit is rejected ({fit.rejected}). {points}"
             elif math.isfinite(fit.p_value):
@@ -595,8 +595,8 @@ def study(
     uncertain : dict of str, optional
         Distributions of values of the block, see `fpk_rocking.risk.inputs.drawn`.
     events : sequence, optional
-        A label for each record. Records of one label, as the components of one event, count as one motion, by their
-        mean. By default two whose files say the same event and station.
+        A label for each record. Records of one label, as the components of one event, count as one motion, with
+        the mean of their probabilities. By default two whose files say the same event and station.
     blocks : int
         Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
     mass : float, optional
@@ -708,9 +708,7 @@ def _labels(events, scenes):
     count = len(set(labels))
     if len(scenes) > 1 and count < FEWEST_RECORDS:
         got = f"{len(scenes)} of {count} events" if count < len(scenes) else count
-        raise ValueError(
-            checks.refusal("records", got, f"1, or at least {FEWEST_RECORDS}, each of an event of its own")
-        )
+        raise ValueError(f"records: got {got}, accepted: 1, or at least {FEWEST_RECORDS} of different events")
     return labels
 
 

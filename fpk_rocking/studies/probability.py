@@ -70,7 +70,7 @@ class Probability(RowResult):
     engine, reason : str
         The Monte Carlo method, empty for a density; and why `method` was taken, as a sentence.
     tol, rtol : float
-        Wanted error of the last probability, absolute and in parts of it; 0 where none was given.
+        Wanted error of the last probability, absolute and relative; 0 where none was given.
     returns : ndarray of int, shape (2,)
         Number of overturned paths that were followed on to the fall, 90 degrees, and of those that came back.
     realizations : int
@@ -111,7 +111,7 @@ class Probability(RowResult):
 
     @property
     def error(self) -> float:
-        """Error of `overturned` (95 %), absolute: half the width of its interval."""
+        """Error of `overturned`: half of its 95 % interval, or the estimate of a density."""
         return float(self.errors[-1, 0])
 
     @property
@@ -138,7 +138,7 @@ class Probability(RowResult):
             diagnostics.append(Diagnostic(CAUTION, "The call was interrupted before it was done.", "interrupted"))
         if self.method == "one path":
             return diagnostics
-        text = f"The error of P(overturned) is {self.error:.2g} (95 %)"
+        text = f"The error of P(overturned) is {self.error:.2g} ({self._level})"
         if self.error <= self.wanted:
             return [*diagnostics, Diagnostic(0, f"{text}, within {self.wanted:.2g}.", "error", self.error)]
         useless = self.error > max(USELESS, self.tol) if self.tol else self.error > 0.5 * self.overturned
@@ -151,7 +151,12 @@ class Probability(RowResult):
         when = self.when(len(self.times) - 1)
         if self.method == "one path":
             return f"P(overturned) = {self.overturned:.0f} (one path), {when}"
-        return f"P(overturned) = {_with_error(self.overturned, self.error)} (95 %), {when}; {self.label}"
+        return f"P(overturned) = {_with_error(self.overturned, self.error)} ({self._level}), {when}; {self.label}"
+
+    @property
+    def _level(self):
+        """What the error is: half of a 95 % interval, or the estimate of a density, which has no level."""
+        return "estimated" if self.method == "density" else "95 %"
 
     @property
     def label(self) -> str:
@@ -163,7 +168,7 @@ class Probability(RowResult):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences: why this method was taken, about the scene, and that a probability is below its error."""
-        small = "The probability is below its error: `rtol` asks for an error in parts of the probability."
+        small = "The probability is below its error: `rtol` asks for a relative error."
         return (self.reason, *super().remarks, *[small] * (self.error > self.overturned))
 
     def derived(self) -> dict[str, Any]:
@@ -236,7 +241,7 @@ def probability(
     times : array_like, optional
         For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
     tol, rtol : float, optional
-        Wanted error (95 %) of the last probability, absolute and in parts of it, above 0; the larger is enough. By
+        Wanted error of the last probability, absolute and relative, above 0; the larger is enough. By
         default `tol` is .005, unless `rtol` is given.
     limit_s : float
         Seconds of sampling or solving that are accepted. ValueError before the work begins where more are predicted.
@@ -294,7 +299,7 @@ def probability(
 
 
 class WantedError(NamedTuple):
-    """The error (95 %) that is wanted of a probability: absolute `tol`, relative `rtol`, each 0 where not asked for."""
+    """The error that is wanted of a probability: absolute `tol`, relative `rtol`, each 0 where not asked for."""
 
     tol: float
     rtol: float

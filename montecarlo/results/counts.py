@@ -241,7 +241,9 @@ class Sample(Paths, SurvivalResult):
 
     def _outcome(self):
         if self.first_overturning is None:
-            return f"deterministic: stands until {self._time_text(self.times[-1])}"
+            start, lifting = self.scene.start, self.scene.forcing.lifting(self.scene.block.lift_off)
+            still = start.angle == start.velocity == 0.0 and lifting <= 1.0
+            return f"deterministic: {'rests' if still else 'stands'} until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning
         at = f"at {self._time_text(high)}"
         when = at if low == high else f"between {self._time_text(low)} and {self._time_text(high)}"

@@ -265,7 +265,7 @@ def test_a_small_probability_of_overturning_is_judged_in_parts_of_itself(over, e
     found = Small(WHITE, cycles=1, error_estimate=error, tol=1e-2)
     assert found.trust.verdict == verdict
     assert found.summary()["overturning_error"] == pytest.approx(error / max(over, 1e-6))
-    assert ("error of the last probability of overturning, in parts of it, is" in str(found.trust)) == (verdict != "ok")
+    assert ("relative error of the last probability of overturning is" in str(found.trust)) == (verdict != "ok")
 
 
 @pytest.mark.parametrize(("count", "verdict"), [(0, "ok"), (20, "caution"), (30, "ok")])

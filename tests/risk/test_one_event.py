@@ -95,7 +95,7 @@ def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, cap
     with pytest.raises(ValueError, match=re.escape("events: got '3 labels', accepted: 10, one for each record")):
         study(scene, alone, hazard, events=labels[:3])
     for number, said in (
-        ("5", "records: got '10 of 2 events', accepted: 1, or at least 5, each of an event of its own"),
+        ("5", "records: got 10 of 2 events, accepted: 1, or at least 5 of different events"),
         ("4", "--events: got 4, accepted: a number of which the 10 records are a multiple"),
         ("0", "--events: got 0, accepted: a number of which the 10 records are a multiple"),
     ):

@@ -1,5 +1,6 @@
 """Scenes without chance: one path decides, nothing has an interval, and every output says so."""
 
+import dataclasses
 import json
 import math
 import re
@@ -100,6 +101,10 @@ def test_the_outcome_is_the_time_of_a_free_fall():
     for run in (simulate, tally):
         assert run(QUIET, cycles=2).metadata["outcome"] == f"deterministic: stands until τ = {2 * QUIET.period:.4g}"
         assert "outcome" not in run(MAIN, cycles=2, realizations=10).metadata
+        weak = QUIET.varied(forcing=dataclasses.replace(QUIET.forcing, amplitude=1.0))  # lifts nothing off
+        assert run(weak, cycles=2).metadata["outcome"] == f"deterministic: rests until τ = {2 * QUIET.period:.4g}"
+        rocks = weak.varied(start=Start(0.1))
+        assert "deterministic: stands until" in run(rocks, cycles=2).metadata["outcome"]
 
 
 @pytest.mark.parametrize("run", [simulate, tally])

@@ -121,7 +121,8 @@ def test_density_where_it_is_faster():
     assert answer.method == "density"
     np.testing.assert_array_equal(answer.left, density.overturned[:, 0])
     assert answer.error == density.error_estimate <= 1e-3
-    assert "density" in answer.title
+    assert answer.title.endswith(" (estimated), after 10 cycles; density")
+    assert f"The error of P(overturned) is {answer.error:.2g} (estimated), within 0.001." in answer.trust.reasons
 
 
 def test_density_that_the_paths_contradict_is_not_taken():
