@@ -173,7 +173,7 @@ def solve_fpk(
         truncated=fine.outflow[:, 2],
         error_estimate=refined.error,
         bins_error_estimate=refined.bins_error,
-        rest_error_estimate=_rest_error(refined.solutions),
+        rest_error_estimate=_rest_error(refined.solutions, replaced.noise),
         mass_defect=float(np.abs(fine.survival + fine.outflow.sum(axis=1) - 1.0).max()),
         negative_mass=max(map(propagator.space.negative_mass, fine.coefficients[fine.resolved]), default=0.0),
         moving_negative_mass=fine.negative_mass,
@@ -322,13 +322,18 @@ def _solve(scene, discretization, tol, times, edges, coarser, progress):
     return solution
 
 
-def _rest_error(solutions):
-    """Return the estimated error of the probability of being at rest; 0.0 where nothing can rest."""
+def _rest_error(solutions, noise):
+    """Return the estimated error of the probability of being at rest; 0.0 where nothing can rest.
+
+    Of what passes the level of lift-off between two steps and comes back a part of the order of the step is missed,
+    or of its root where white noise drives the force itself.
+    """
     fine = solutions[-1]
     if fine.at_rest is None:
         return 0.0
+    order = 1.0 if noise.space.smooth else 0.5
     differences = [float(np.abs(fine.at_rest - coarser.at_rest).max()) for coarser in solutions[-2:-4:-1]]
-    return max(differences[k] / (1.4 ** (k + 1) - 1.0) for k in (0, 1))
+    return max(differences[k] / (1.4 ** (order * (k + 1)) - 1.0) for k in (0, 1))
 
 
 def _is_stagnated(refined):

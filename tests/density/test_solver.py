@@ -8,7 +8,7 @@ import types
 import numpy as np
 import pytest
 
-from fpk_rocking import load_scene, solve_fpk
+from fpk_rocking import FilteredNoise, load_scene, solve_fpk
 from fpk_rocking.density import refinement, resolution, solver
 from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import safe_difference
@@ -92,11 +92,15 @@ def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, taken):
     assert [solution.number for solution in refined.solutions] == sorted(taken)
 
 
-def test_the_error_at_rest_is_that_of_first_order_by_either_difference():
+@pytest.mark.parametrize(("filtered", "order"), [("low-pass", 1.0), ("kanai-tajimi", 0.5), ("exponential", 0.5)])
+def test_the_error_at_rest_is_that_of_the_order_of_the_noise_by_either_difference(filtered, order):
+    """Noise that has no derivative passes a level between two steps more often than smooth noise."""
+    noise = FilteredNoise(filtered, 0.02, 6.0, None if filtered == "exponential" else 0.6)
     rows = np.array([False, True])
-    rests = [np.array([0.0, part]) for part in (0.3, 0.34, 0.36)]
-    solutions = [Solution(None, np.ones(2), np.zeros((2, 3)), None, rest, rows) for rest in rests]
-    assert solver._rest_error(solutions) == pytest.approx(0.06 / 0.96)
+    for rests, part in (((0.3, 0.34, 0.36), 0.06 / (1.96**order - 1.0)), ((0.34, 0.34, 0.36), 0.02 / (1.4**order - 1))):
+        densities = [np.array([0.0, rest]) for rest in rests]
+        solutions = [Solution(None, np.ones(2), np.zeros((2, 3)), None, rest, rows) for rest in densities]
+        assert solver._rest_error(solutions, noise) == pytest.approx(part)
 
 
 def test_the_error_of_the_bins_is_the_largest_of_all_cycles(monkeypatch):
