@@ -47,7 +47,7 @@ GROUPS = {
         ),
         "exploratory_.*|main_.*|coarsest|tail_cells|moving_step": ("main", "rack", "pulse"),
         "far_motion|.*_step|long_rest|steps_per_harmonic": ("main", "block at rest", "rack"),
-        "search_entries|chunks|spare|deviations|start_margin": ("main", "rack", "pulse"),
+        "search_entries|chunks|spare|first_rings|mostly_standing|deviations|start_margin": ("main", "rack", "pulse"),
         ".*_grading|.*_growth|narrow_.*": ("main", "rack"),
         "chatter|.*_impact": ("main",),
         "least_(intensity|diffusion)": ("pulse",),

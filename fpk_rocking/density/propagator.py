@@ -267,6 +267,7 @@ class PeriodicPropagator(CyclicPropagator):
         super().__init__(scene, discretization, discretization, negligible, step_begins, coarse)
         self.steps = [self._step(begin, self.duration) for begin in step_begins[:-1].tolist()]
         self._parts: dict[tuple[int, float], Any] = {}
+        self._rings = 1 if coarse else TUNING.first_rings
         # What a start leaves on patches does not depend on the mesh.
         same = coarse and coarse.discretization.patches == discretization.patches
         self._startups = coarse._startups if same else {}
@@ -316,7 +317,7 @@ class PeriodicPropagator(CyclicPropagator):
                 self._parts[key] = self._step(self.step_begins[k], duration)
             step = self._parts[key]
         if mark_massive_cells(state.density, self.space.areas, self.negligible, step.active, self.active[k]):
-            step.activate(with_neighbours(self.active[k]))
+            step.activate(with_neighbours(self.active[k], self._rings))
         return *step.apply(state.density), None
 
     def density_of(self, state: PeriodicState) -> tuple[Array, Array, float, bool]:

@@ -47,11 +47,13 @@ def refine(
     fits: Callable[[Any, Any], bool],
     is_done: Callable[[Refined], bool],
     coarser: Sequence[Any] = (),
+    bins_last: float = 1.0,
 ) -> Refined:
     """Solve on ever finer resolutions until the errors are small enough.
 
     A solution has a `quantity` (array), `bins` (rows, bins), the mask `resolved` (rows,), a `negative_mass`, and
-    `error`, from the estimated error of the quantity and the difference of the bins to the whole error.
+    `error`, from the estimated error of the quantity and the difference of the bins to the whole error. `bins_last` is
+    as of `estimate_errors`.
     """
     solutions: list[Any] = []
     for number, resolution in enumerate(resolutions, 1):
@@ -59,22 +61,25 @@ def refine(
             break
         solutions.append(solve(resolution, solutions[-1] if solutions else None))
         finer = len(resolutions) - number
-        if number == SOLUTIONS - 1 and coarser and is_done(estimate_errors(solutions, finer)):
+        if number == SOLUTIONS - 1 and coarser and is_done(estimate_errors(solutions, finer, bins_last)):
             solutions.insert(0, solve(coarser[-1], None))
         if len(solutions) >= SOLUTIONS:
-            refined = estimate_errors(solutions, finer)
+            refined = estimate_errors(solutions, finer, bins_last)
             if is_done(refined):
                 break
     return refined
 
 
-def estimate_errors(solutions: list[Any], finer: int) -> Refined:
-    """Estimate the errors of the last solution from its differences from the others."""
+def estimate_errors(solutions: list[Any], finer: int, bins_last: float = 1.0) -> Refined:
+    """Estimate the errors of the last solution from its differences from the others.
+
+    `bins_last` is the least error of the bins over their last difference, where two coarser solutions tell it.
+    """
     fine = solutions[-1]
     quantity, bins = zip(*(differences(fine, solution) for solution in solutions[:-1]), strict=True)
     if len(solutions) == SOLUTIONS - 1:
-        quantity, bins = (0.0, 2.0 * quantity[0]), (bins[0], bins[0])
-    bins_error = max(bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
+        quantity, bins = (0.0, 2.0 * quantity[0]), (bins[0] / TUNING.bins_before, bins[0])
+    bins_error = max(bins_last * bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
     error = fine.error(safe_difference(quantity), bins[-1])
     # A probability that survival lacks is one that the bins lack, even where no row has a density to compare.
     return Refined(solutions, error, max(error, bins_error), finer)

@@ -38,6 +38,8 @@ class StateRange(NamedTuple):
     angles: tuple[float, float]
     velocities: tuple[float, float]
     fastest: float
+    standing: float = 1.0
+    """Part of the exploratory paths that do not overturn."""
 
     @property
     def edges(self):
@@ -68,7 +70,8 @@ def explore(white, times):
     ranges = np.quantile(reached, [0.5 - 0.5 * 0.998, 0.5 + 0.5 * 0.998], axis=0).T
     least = TUNING.least_angle_range, TUNING.least_velocity_range
     ranges += np.outer(np.maximum(least - np.ptp(ranges, axis=1), 0.0), [-0.5, 0.5])
-    return StateRange(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()), fastest)
+    standing = float((sides > Exit.OVERTURNED_LEFT).mean())
+    return StateRange(*usual.tolist(), *(tuple(ends) for ends in ranges.tolist()), fastest, standing)
 
 
 def _exploratory_steps(white, dynamics, times):
@@ -271,13 +274,22 @@ INTERMEDIATE = Resolution(44, 42, 4, Quadrature(8, 8, 5, 2), 16, PatchSettings(2
 """Between the fourth and the fifth, which differ in degree: the finer would only tell the error of the coarser."""
 
 
-def resolutions_for(tol, before, filtered=False):
-    """Return a list of `Resolution` for a tolerance of survival, from coarse to fine."""
+COARSEST = Resolution(12, 12, 3, Quadrature(5, 5, 5, 2, 9), 4, PatchSettings(10, 5.0, 0.7, 0.01, 4))
+"""Before the first: blocks that hardly move are resolved by the second, and this one tells its error."""
+
+
+def resolutions_for(tol, before, filtered=False, early=False):
+    """Return a list of `Resolution` for a tolerance of survival, from coarse to fine.
+
+    It begins `before` resolutions before the usual one, and one more where it is to begin `early` and that may do.
+    """
     usual, chosen = USUAL[max(tolerance for tolerance in USUAL if tolerance <= tol)], list(RESOLUTIONS)
     if before and usual == 4:
         chosen[3] = INTERMEDIATE
     elif not filtered:
         chosen.insert(4, INTERMEDIATE)
+    if early and usual == 3:
+        chosen.insert(0, COARSEST)
     return chosen[max(usual - before, 0) :]
 
 

@@ -128,8 +128,11 @@ def solve_fpk(
     start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
 
     motion = explore(white, times)
-    meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered))
-    first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered))
+    # The factor of the last difference of the bins is held against true errors where white noise and cycles are.
+    calibrated = solved.repeats and not filtered
+    early = calibrated and motion.standing >= TUNING.mostly_standing
+    meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered, early))
+    first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered, early))
     coarser, meshes = meshes[:first], meshes[first:]
     usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, advances)
     refuse_large(usual.memory, usual.stored(advances), solved, advances)
@@ -149,7 +152,7 @@ def solve_fpk(
     def is_done(refined):
         return refined.within(tol, bins_tol) or _is_stagnated(refined)
 
-    refined = refine(meshes, solve, fits, is_done, coarser)
+    refined = refine(meshes, solve, fits, is_done, coarser, TUNING.bins_last if calibrated else 1.0)
     mark_announced()
 
     fine = refined.solutions[-1]
@@ -201,8 +204,11 @@ def predicted_seconds(
     """Predict the seconds of one processor that each solution of `solve_fpk` takes, to about a factor of two."""
     refuse_unsolvable(scene)
     rows = result_times(scene, cycles, times)
-    meshes = _discretizations(scene, scene, explore(scene, rows), resolutions_for(tol, before=SOLUTIONS))
-    first = len(meshes) - len(resolutions_for(tol, before=SOLUTIONS - 1))
+    motion = explore(scene, rows)
+    early = scene.repeats and motion.standing >= TUNING.mostly_standing
+    resolutions, later = (resolutions_for(tol, SOLUTIONS - k, early=early) for k in (0, 1))
+    meshes = _discretizations(scene, scene, motion, resolutions)
+    first = len(meshes) - len(later)
     third = meshes[0] if first else meshes[SOLUTIONS - 1]
     return [estimated_seconds(scene, mesh, rows) for mesh in (*meshes[first : first + SOLUTIONS - 1], third)]
 

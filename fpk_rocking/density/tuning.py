@@ -22,12 +22,21 @@ class Tuning(NamedTuple):
     # Tolerance and refinement.
     negligible_mass: float = 1e-6
     """Mass over `tol` that a cell must have held to be active: 1e4 cells together truncate a hundredth of `tol`."""
+    first_rings: int = 3
+    """Rings of cells about those of more mass that are active too, where no coarser solution told them: they are set up
+    in fewer parts."""
+    mostly_standing: float = 0.6
+    """Part of the exploratory paths that do not overturn from which on solutions begin coarser: of fewer, survival
+    needs the finer ones."""
     safety: float = 1.4
     """Factor of `safe_difference`, of both distances; benchmarks/estimates.py holds it against true errors."""
     difference_before: float = 0.3
     """Factor of the distance of the solution before the one before: errors fall at least so much over two solutions."""
     bins_before: float = 0.4
     """The same for the binned density."""
+    bins_last: float = 0.6
+    """Least estimate of the error of the binned density over its last difference, in scenes with white noise that
+    repeat; else 1. benchmarks/estimates.py holds it against true errors."""
     bins_at_most: float = 1.5
     """Most that the distance before raises the error of the binned density, over the last distance."""
     bins_part: float = 0.01

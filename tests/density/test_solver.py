@@ -9,11 +9,20 @@ import numpy as np
 import pytest
 
 from fpk_rocking import FilteredNoise, load_scene, solve_fpk
-from fpk_rocking.density import refinement, resolution, solver
+from fpk_rocking.density import propagator, refinement, resolution, solver
 from fpk_rocking.density.propagator import PeriodicPropagator, Solution
-from fpk_rocking.density.refinement import safe_difference
-from fpk_rocking.density.resolution import RESOLUTIONS, USUAL, StateRange, explore
+from fpk_rocking.density.refinement import SOLUTIONS, safe_difference
+from fpk_rocking.density.resolution import (
+    COARSEST,
+    INTERMEDIATE,
+    RESOLUTIONS,
+    USUAL,
+    StateRange,
+    explore,
+    resolutions_for,
+)
 from fpk_rocking.density.space import Space, velocity_bound
+from fpk_rocking.density.step.step import Step
 from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.scene import Block, Harmonic, Pulse, Scene, Start, WhiteNoise
 
@@ -90,6 +99,83 @@ def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, taken):
     )
     assert solved == taken
     assert [solution.number for solution in refined.solutions] == sorted(taken)
+
+
+@pytest.mark.parametrize(
+    ("bins", "factor", "expected"),
+    [
+        ((0.1, 0.08), 0.6, 0.6 * 0.08),  # the last difference rules
+        ((0.1, 0.03), 0.6, 0.4 * 0.1),  # it is small by chance: the one before tells
+        ((0.1, 0.01), 0.6, 1.5 * 0.01),  # that one is of a solution too coarse to tell
+        ((0.1, 0.08), 1.0, 0.08),  # of a kind whose errors have not been held against true ones
+        ((0.02,), 0.6, 0.02),  # two solutions alone
+    ],
+)
+def test_the_error_of_the_bins_by_both_differences(bins, factor, expected):
+    def solution(distance):
+        values = {"quantity": np.zeros(1), "bins": np.array([[distance]]), "resolved": np.array([True])}
+        return types.SimpleNamespace(error=lambda *_: 0.0, negative_mass=0.0, **values)
+
+    solutions = [*map(solution, bins), solution(0.0)]
+    assert refinement.estimate_errors(solutions, 0, factor).bins_error == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_coarser_solution_serves_the_middle_tolerance_alone():
+    names = [*RESOLUTIONS[:4], INTERMEDIATE, *RESOLUTIONS[4:]]
+    assert resolutions_for(1e-3, SOLUTIONS, early=True) == [COARSEST, *names]
+    assert resolutions_for(1e-3, SOLUTIONS) == names
+    for tol in (1e-2, 1e-4):
+        assert resolutions_for(tol, SOLUTIONS, early=True) == resolutions_for(tol, SOLUTIONS)
+    assert COARSEST.patches == RESOLUTIONS[0].patches
+
+
+def test_solutions_begin_coarser_where_most_blocks_stand(monkeypatch):
+    """Half of the exploratory paths of the main scene overturn in ten cycles."""
+    first = []
+
+    def stop(meshes, *_):
+        first.append(meshes[0].cells[0])
+        raise StopIteration
+
+    monkeypatch.setattr(solver, "refine", stop)
+    for scene, number in ((Scene(Block(0.87), Harmonic(0.5, 9.0), WhiteNoise(0.001)), 0), (MAIN, 1)):
+        with pytest.raises(StopIteration):
+            solve_fpk(scene, cycles=10, tol=1e-3)
+        assert first[-1] == mesh_of(scene, RESOLUTIONS[number]).cells[0]
+
+
+def test_a_block_that_hardly_moves_takes_the_second_resolution_and_is_within_its_estimate(monkeypatch):
+    """Against one of twice the cells and steps; of three solutions the first is the coarsest."""
+    scene = Scene(Block(0.87), Harmonic(0.5, 9.0), WhiteNoise(0.001))
+    kept, refine = [], refinement.refine
+    monkeypatch.setattr(solver, "refine", lambda *args: kept.append(refine(*args)) or kept[-1])
+    density = solve_fpk(scene, cycles=2, tol=1e-3)
+    solutions = kept[0].solutions
+    assert len(solutions) == SOLUTIONS
+    assert density.settings["angle_cells"] == mesh_of(scene, RESOLUTIONS[1], 2).cells[0]
+    run = PeriodicPropagator(scene, mesh_of(scene, RESOLUTIONS[3], 2), 1e-9)
+    truth = run.propagate(scene.period * np.arange(3))
+    truth.edges = solutions[-1].edges
+    error = np.abs(solutions[-1].bins - truth.bins).sum(axis=1)[1:].max()
+    assert 0.1 * density.bins_error_estimate < error < density.bins_error_estimate < math.sqrt(1e-3) / 3.0
+    assert np.abs(density.survival - truth.survival).max() < density.error_estimate
+
+
+def test_a_first_solution_is_set_up_in_fewer_parts_and_is_the_same(monkeypatch):
+    counts, survivals, activate = [], [], Step.activate
+
+    def counted(step, cells):
+        counts[-1] += 1
+        activate(step, cells)
+
+    monkeypatch.setattr(Step, "activate", counted)
+    for rings in (1, TUNING.first_rings):
+        monkeypatch.setattr(propagator, "TUNING", TUNING._replace(first_rings=rings))
+        counts.append(0)
+        run = PeriodicPropagator(MAIN, mesh_of(MAIN, RESOLUTIONS[0], 2), 1e-9)
+        survivals.append(run.propagate(MAIN.period * np.arange(3)).survival)
+    assert counts[1] < counts[0]
+    assert survivals[1] == pytest.approx(survivals[0], abs=1e-6)
 
 
 @pytest.mark.parametrize(("filtered", "order"), [("low-pass", 1.0), ("kanai-tajimi", 0.5), ("exponential", 0.5)])

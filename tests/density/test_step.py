@@ -287,3 +287,5 @@ def test_cells_that_meet_a_marked_one_are_marked():
     assert np.array_equal(overlapping_cells(space, cells, space), cells)
     assert np.argwhere(overlapping_cells(space, cells, shifted)).tolist() == [[2, 4], [2, 5]]
     assert np.argwhere(with_neighbours(cells)).tolist() == [[1, 5], [2, 4], [2, 5], [2, 6], [3, 5]]
+    near = np.abs(np.subtract.outer(np.arange(8), 2))[:, None] + np.abs(np.arange(8) - 5)
+    assert np.array_equal(with_neighbours(cells, rings=2), near <= 2)

@@ -260,8 +260,8 @@ def scatter_buffers(target: Space):
     return np.empty((TUNING.chunks, angle * velocity, modes * modes))
 
 
-def with_neighbours(cells: np.ndarray) -> np.ndarray:
-    """Return a mask of `cells`, a mask (angle, velocity), and their neighbours.
+def with_neighbours(cells: np.ndarray, rings: int = 1) -> np.ndarray:
+    """Return a mask of `cells`, a mask (angle, velocity), and their neighbours up to so many `rings`.
 
     With these a growing density does not need new cells every time.
     """
@@ -270,7 +270,7 @@ def with_neighbours(cells: np.ndarray) -> np.ndarray:
     grown[:-1] |= cells[1:]
     grown[:, 1:] |= cells[:, :-1]
     grown[:, :-1] |= cells[:, 1:]
-    return grown
+    return with_neighbours(grown, rings - 1) if rings > 1 else grown
 
 
 def overlapping_cells(space: Space, cells: np.ndarray, other: Space) -> np.ndarray:
