@@ -14,7 +14,7 @@ from fpk_rocking.base.precompilation import Compilation, mark_announced, start_h
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
 from fpk_rocking.density.filter_nodes import filtered_discretization
 from fpk_rocking.density.filtered import REST, FilteredPropagator
-from fpk_rocking.density.propagator import PeriodicPropagator
+from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
 from fpk_rocking.density.replacing import (
     REPLACEMENTS,
@@ -159,8 +159,8 @@ def solve_fpk(
     propagator = fine.propagator
     neglected = {} if choice is None else {"choice": choice.reason, "errors": choice.errors, "error": choice.error}
     scatter = 0.0 if choice is None else scatter_of_strength(scene)
-    if scatter:
-        changed = with_few_harmonics(fine, scene, scatter, tol, times)
+    if scatter and scene.noise.kind == "band":
+        changed = with_few_harmonics(fine, scene, scatter, scene.noise.harmonics, tol, times)
         neglected |= {"scatter": scatter, "error": choice.error + UNCERTAIN_PART * changed}
     at_rest = fine.at_rest
     unresolved = [row for row in range(1, advances + 1) if not fine.resolved[row]]
@@ -261,7 +261,9 @@ def _solve_coarsely(white, cycles):
     return solution.quantity, float(resting[4:].max())
 
 
-def with_few_harmonics(solution, scene, scatter, tol, times):
+def with_few_harmonics(
+    solution: Solution, scene: Scene, scatter: float, harmonics: int, tol: float, times: Array
+) -> float:
     """Change a `Solution` in place by the `scatter` of strength and the tails of few harmonics; return by how much.
 
     The changes are those of densities under white noise on the same mesh, or in proportion to it.
@@ -273,7 +275,7 @@ def with_few_harmonics(solution, scene, scatter, tol, times):
         noise = dataclasses.replace(white.noise, diffusion=strength * white.noise.diffusion)
         parts.append(_solve(white.varied(noise=noise), plane, tol, times, solution.edges, None, None))
     before, variance = solution.quantity, 0.5 * scatter**2
-    tails = lighter_tails(scatter, scene.noise.harmonics, [part.survival for part in parts])
+    tails = lighter_tails(scatter, harmonics, [part.survival for part in parts])
     overturned = solution.outflow.sum(axis=1)
     back = np.divide(tails * solution.survival, overturned, out=np.zeros_like(tails), where=overturned > 0.0)
     solution.coefficients *= 1.0 + tails.reshape(-1, *(1,) * (solution.coefficients.ndim - 1))

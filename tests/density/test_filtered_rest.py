@@ -84,7 +84,7 @@ def test_few_harmonics_change_rest_and_motion_alike():
     solution.edges = EDGES
     few = LIFTED.varied(noise=BandNoise(2.0, (0.0, 10.0), 20))  # strong, as it is to change much
     rested = solution.at_rest.copy()
-    changed = with_few_harmonics(solution, few, 0.5, 0.1, times)
+    changed = with_few_harmonics(solution, few, 0.5, 20, 0.1, times)
     assert changed > 1e-2
     assert np.abs(solution.at_rest - rested).max() > 1e-3
     assert np.abs(solution.survival + solution.outflow.sum(axis=1) - 1.0).max() < 1e-12
