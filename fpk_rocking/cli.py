@@ -108,7 +108,9 @@ def command_line() -> argparse.ArgumentParser:
     does = "annual rate of overturning, from records and a hazard curve"
     options = "scenes --set --records --hazard --site --intensities --measure --units --realizations --keep-noise"
     options += " --vertical --azimuth --depth --events --ground --building"
-    options += " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --mass --workers"
+    options += (
+        " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --mass --friction --workers"
+    )
     options += " --store --name --seed --out --json"
     more = "Several scenes are several blocks under the same records, motion by motion."
     command("risk", _risk, does, more, options, "all of --json, report.html, risk.png, curves for other programs")
@@ -279,6 +281,7 @@ def _risk(options):
                     "ground",
                     "blocks",
                     "mass",
+                    "friction",
                     "measure",
                     "baseline",
                     "corner_hz",

@@ -101,6 +101,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --events N:int          so many records, one after the other, are components of one event, and count as one motion
                         (default: two whose files say the same event and station)
 --mass KG:float         mass of the block: the forces that would hold it are then in N, not parts of its weight
+--friction MU:float     coefficient of friction below the block: the verdict says whether it slides before it rocks
 --workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
 --store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
 --records FILE+         files of recorded motions, of which the command records tells what they have; the scene gives
@@ -178,7 +179,9 @@ class Parser(argparse.ArgumentParser):
     """Refuses bad input in one line, as the rest of the command line does."""
 
     def error(self, message):
-        self.exit(2, f"{self.prog}: {console.line(message)}\n")
+        # What a file of its own is for other commands.
+        hint = " (risk writes its report into the folder of --out)" * ("arguments: --report" in message)
+        self.exit(2, f"{self.prog}: {console.line(message)}{hint}\n")
 
 
 class Version(argparse.Action):

@@ -21,7 +21,7 @@ import scipy
 
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.risk.lognormal import fit_rows
-from fpk_rocking.risk.search import equivalent_scale
+from fpk_rocking.risk.search import equivalent_scale, signs_of
 
 _SWEEPS = 25
 """Sweeps of the Gibbs sampler; twice as many move limits by less than 999 draws scatter."""
@@ -32,8 +32,11 @@ _DRAWS, _IMPUTED = (999, 20_000), 1e7
 _STEADY = 0.3
 """Standard error of ln β above which a row has no dispersion of its own."""
 
-_SETS, _COMPLETE_SETS = 399, 9999
+_SETS, _COMPLETE_SETS = 399, 1999
 """Suites that the distribution of the test is simulated with; where all capacities are exact they cost nothing."""
+
+DRAWS = 5_000
+"""Draws of a population for limits of a rate, or of a ratio: they move one by some hundredths of its distance."""
 
 
 class Capacities(NamedTuple):
@@ -48,7 +51,8 @@ class Capacities(NamedTuple):
     motion : ndarray of int, shape (m,)
         Number of the motion of each, from 0.
     noise, noise_error : float
-        Dispersion β_n by noise, root mean square over the motions, and its standard error.
+        Dispersion β_n by noise, or by several intervals of overturning, root mean square over motions or rows, and its
+        standard error, in parts of it.
 
     Examples
     --------
@@ -91,7 +95,9 @@ class Capacities(NamedTuple):
         """Capacities without noise, from all scales at which outcomes change.
 
         A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
-        logarithm, so that its mean probability stays. The lowest scale would fall as the search gets finer.
+        logarithm, so that its mean probability stays. The lowest scale would fall as the search gets finer. What its
+        intervals add to the variance of the logarithm is `noise`: the lognormal curve has the first two moments of the
+        share of the motions.
 
         Parameters
         ----------
@@ -102,7 +108,14 @@ class Capacities(NamedTuple):
         motion : array_like of int, shape (m,)
             Motion of each row.
         """
-        return cls.exact(equivalent_scale(jumps), highest, motion)
+        found = cls.exact(equivalent_scale(jumps), highest, motion)
+        away = np.log(jumps) - found.low[:, None]
+        own = np.nansum(signs_of(jumps) * away**2, axis=1)[np.isfinite(found.high)]
+        variance = float(own.mean()) if own.size else 0.0
+        if variance < 1e-12:
+            return found
+        error = own.std(ddof=1) / math.sqrt(own.size) / (2.0 * variance) if own.size > 1 else 0.0
+        return found._replace(noise=math.sqrt(variance), noise_error=float(error))
 
     @classmethod
     def of(cls, scale: Array, shares: Array, trials: int, motion: ArrayLike) -> "Capacities":
@@ -150,7 +163,7 @@ class Capacities(NamedTuple):
         middle[between], error[between] = 0.5 * (low + high)[between], noise / math.sqrt(size)
         free = np.isfinite(error)
         low, high = np.where(free, -math.inf, low), np.where(free, math.inf, high)
-        return cls(low, high, middle, error, motion, noise, scatter / (2.0 * noise))
+        return cls(low, high, middle, error, motion, noise, scatter / (2.0 * noise**2))
 
     @property
     def located(self) -> Array:
@@ -227,23 +240,56 @@ class Capacities(NamedTuple):
             Draws, as of `draws`: their medians count unless all capacities are exact.
         """
         if self.error.any():
-            return float(np.exp(np.median(population[:, 0]))), float(
-                np.median(np.linalg.norm(population[:, 1:], axis=1))
-            )
-        means, counts = self.middle @ self.mean_of, np.bincount(self.motion)
-        within = ((self.middle - means[self.motion]) ** 2).sum() / max(self.motion.size - counts.size, 1)
-        return math.exp(means.mean()), math.sqrt(means.var(ddof=1) + within * (1.0 - np.mean(1.0 / counts)))
+            return tuple(np.median(self.lognormal(population), axis=0).tolist())
+        middle, between, own = self._analysis(self.middle)
+        return math.exp(middle), math.hypot(between, own, self.noise)
+
+    @staticmethod
+    def lognormal(population: Array) -> Array:
+        """Return medians and total dispersions (samples, 2) of draws of the population.
+
+        Parameters
+        ----------
+        population : ndarray, shape (samples, 4)
+            As of `draws`.
+        """
+        # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
+        with np.errstate(over="ignore"):
+            return np.stack([np.exp(population[:, 0]), np.linalg.norm(population[:, 1:], axis=1)], axis=-1)
+
+    def _analysis(self, logs):
+        """Mean, and dispersions between and within motions, each (...,), of logarithms (..., m) of capacities."""
+        means, counts = logs @ self.mean_of, np.bincount(self.motion)
+        within = ((logs - means[..., self.motion]) ** 2).sum(axis=-1) / max(self.motion.size - counts.size, 1)
+        between = np.maximum(means.var(axis=-1, ddof=1) - within * np.mean(1.0 / counts), 0.0)
+        return means.mean(axis=-1), np.sqrt(between), np.sqrt(within)
+
+    def lilliefors(self, rng: np.random.Generator, misfit: float | None = None) -> float:
+        """p-value of Lilliefors' test that exact capacities are lognormal.
+
+        The statistic is the largest distance of the fitted curve from the share of the motions that overturn the block;
+        its distribution is simulated, as both parameters are estimated (H. W. Lilliefors, J. Am. Stat. Assoc. 62,
+        399-402, 1967).
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        misfit : float, optional
+            The statistic, where it is not by the capacities but by all scales at which outcomes change.
+        """
+        _, between, own = self._analysis(self.middle)
+        logs = own * rng.standard_normal((_COMPLETE_SETS, self.motion.size))
+        logs += (between * rng.standard_normal((_COMPLETE_SETS, self.motion.max() + 1)))[:, self.motion]
+        off = self._misfits(self.middle[None])[0] if misfit is None else misfit
+        return float((1 + (self._misfits(logs) >= off - 1e-12).sum()) / (1 + _COMPLETE_SETS))
 
     def p_value(self, logs: Array, shares: Array, trials: int, rng: np.random.Generator) -> float:
-        """p-value of Lilliefors' test that the capacities are lognormal; nan where the outcomes determine no curve.
-
-        The statistic is the largest distance of the mean over the motions from its fitted curve; its distribution is
-        simulated, as both parameters are estimated (H. W. Lilliefors, J. Am. Stat. Assoc. 62, 399-402, 1967).
+        """p-value of the same test where not all capacities are exact; nan where the outcomes determine no curve.
 
         Parameters
         ----------
         logs : ndarray, shape (n,)
-            Logarithms of the scales; not used where all capacities are exact.
+            Logarithms of the scales.
         shares : ndarray, shape (n,)
             Mean over the motions at these.
         trials : int
@@ -251,12 +297,6 @@ class Capacities(NamedTuple):
         rng : numpy.random.Generator
         """
         mean_of = self.mean_of
-        if not self.error.any():
-            from scipy import stats
-
-            means = self.middle @ mean_of
-            law = {"statistic": "ks", "n_mc_samples": _COMPLETE_SETS, "random_state": rng}
-            return float(stats.goodness_of_fit(stats.norm, means, **law).pvalue)
         mu, between, own, noise = np.median(self.draws(_SETS, rng)[0], axis=0)
         middle = mu + between * rng.standard_normal((_SETS, mean_of.shape[1]))[:, self.motion]
         away = logs - (middle + own * rng.standard_normal((_SETS, self.motion.size)))[..., None]
@@ -266,6 +306,16 @@ class Capacities(NamedTuple):
         rows, middles, spreads, _ = fit_rows(logs, means)
         off = np.abs(scipy.special.ndtr((logs - middles[:, None]) / spreads[:, None]) - means[rows]).max(axis=1)
         return float((1 + (off[1:] >= off[0] - 1e-12).sum()) / off.size) if rows.size and not rows[0] else math.nan
+
+    def _misfits(self, logs):
+        """Largest distance (s,) of the share of motions with lower capacities from the fit, of logarithms (s, m)."""
+        middle, between, own = self._analysis(logs)
+        order = np.argsort(logs, axis=1)
+        weights = (self.mean_of.max(axis=1) / self.mean_of.shape[1])[order]
+        share = np.cumsum(weights, axis=1)
+        away = (np.take_along_axis(logs, order, axis=1) - middle[:, None]) / np.hypot(between, own)[:, None]
+        curve = scipy.special.ndtr(away)
+        return np.maximum(np.abs(share - curve), np.abs(share - weights - curve)).max(axis=1)
 
     @property
     def mean_of(self) -> Array:

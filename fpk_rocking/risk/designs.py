@@ -14,16 +14,13 @@ from fpk_rocking.results.pictures import figure_of, save
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain, write_json, write_text
 from fpk_rocking.results.trust import Diagnostic
-from fpk_rocking.risk.capacities import paired_draws
+from fpk_rocking.risk.capacities import DRAWS, paired_draws
 from fpk_rocking.risk.export import write_pelicun
-from fpk_rocking.risk.hazard import edges_of_rules, lognormal_rates
+from fpk_rocking.risk.hazard import replicate_rates
 from fpk_rocking.risk.motions import intensity_of
 from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, rate_text
 from fpk_rocking.risk.study import Study
-
-_DRAWS = 5_000
-"""Draws of a pair of populations: they move a limit of a ratio by a hundredth of its distance from the middle."""
 
 _NO_BOUND = (
     "Neither is a bound in three dimensions. If motion in one plane did not affect the other, the block would overturn "
@@ -61,21 +58,30 @@ def ratio_of(first: IntensityCurve, risk: Risk | None, other: IntensityCurve, ot
         Of these curves.
     """
     limits, ratio = [math.nan] * 4, math.nan
-    if risk and other_risk and risk.rate > 0.0:
-        ratio = other_risk.rate / risk.rate
-    one, two = first.capacities, other.capacities
-    if first.fitted and other.fitted and one and two and np.array_equal(one.motion, two.motion):
-        drawn = paired_draws(one, two, _DRAWS, np.random.default_rng(1))
+    own = [
+        curve.unless_rejected(curve.capacities) if curve.capacities and not curve.fit.reason else None
+        for curve in (first, other)
+    ]
+    drawn = _drawn(*own)
+    if len(drawn):
         limits[:2] = np.quantile(drawn[:, 1, 0] / drawn[:, 0, 0], [0.025, 0.975]).tolist()
-        if risk and other_risk:
-            rates = [
-                lognormal_rates(drawn[:, place], of.hazard, edges_of_rules(of.curve, of.hazard)[0])
-                for place, of in enumerate((risk, other_risk))
-            ]
-            low, high = np.quantile(rates[1] / rates[0], [0.025, 0.975]).tolist()
+    if risk and other_risk and risk.rate > 0.0:
+        ratio, both = other_risk.rate / risk.rate, (risk, other_risk)
+        by_fit = (capacities if of.curve.fitted else None for of, capacities in zip(both, own, strict=True))
+        drawn = _drawn(*(of.capacities or fit for of, fit in zip(both, by_fit, strict=True)))
+        if len(drawn):
+            one, two = (replicate_rates(drawn[:, n], of.curve, of.hazard) for n, of in enumerate(both))
+            low, high = np.quantile(two / one, [0.025, 0.975]).tolist()
             # As the limits of a rate, they are those of the populations; the ratio of these motions is a point.
             limits[2:] = min(low, ratio), max(high, ratio)
     return Ratio(other.fit.median / first.fit.median, limits[0], limits[1], ratio, limits[2], limits[3])
+
+
+def _drawn(one, two):
+    """Paired draws (b, 2, 2) of two populations of the same motions; (0, 2, 2) where there are none."""
+    if one is None or two is None or not np.array_equal(one.motion, two.motion):
+        return np.empty((0, 2, 2))
+    return paired_draws(one, two, DRAWS, np.random.default_rng(1))
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -130,7 +136,7 @@ class Designs(Result):
 
     @functools.cached_property
     def ratios(self) -> list[Ratio]:
-        """The `Ratio` of each block but the first to the first; limits are nan where a lognormal fit does not stand."""
+        """The `Ratio` of each block but the first to the first; limits are nan where capacities are not lognormal."""
         first, *others = [(one.curve, one.risk) for one in self.studies]
         return [ratio_of(*first, *other) for other in others]
 
@@ -178,17 +184,16 @@ class Designs(Result):
         for other, ratio, row in zip(self.studies[1:], self.ratios, self._each, strict=True):
             each = row[np.isfinite(row)]
             text = f"{other.name} over {first.name}: {unit} that overturns it, in the median, {_limits(*ratio[:3])}"
+            text += " (no limits, as lognormal capacities are missing or rejected)" * math.isnan(ratio.median_low)
             text += f", for single motions {each.min():.3g} to {each.max():.3g}" * bool(each.size)
             text += f"; annual rate {_limits(*ratio[3:])}" * bool(first.risk)
-            if math.isnan(ratio.median_low):
-                text += "; no limits, as a lognormal fit is missing or rejected"
             texts.append(f"{text}.")
         same = "All blocks have the same motions, and limits of ratios allow for that."
         return [*texts, same, *first.about_motions]
 
     def text(self) -> str:
-        """Return `sentences`, then rate, verdict, and what is asked of each block, then each motion, as one text."""
-        lines = list(self.sentences)
+        """Return `sentences`, verdict, then these and what is asked of each block, then each motion, as one text."""
+        lines = [*self.sentences, str(self.trust)]
         for one in self.studies:
             rate = one.risk.sentences[0] if one.risk else one.title
             lines += ["", f"{one.name}: {rate}", str(one.trust), *one.block_lines]

@@ -14,9 +14,11 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File, Number
+from fpk_rocking.risk.capacities import DRAWS, Capacities
 from fpk_rocking.risk.hazard_files import read
 from fpk_rocking.risk.motions import measure_of
 from fpk_rocking.risk.population import IntensityCurve
+from fpk_rocking.risk.search import signs_of
 
 _LAST = "a rate that falls to the last point, as the last power law goes on; or 0 there"
 
@@ -244,6 +246,22 @@ class Hazard:
         logs, values, slopes = self.laws
         return max(y, logs[-1] + max(values[-1] - self.log_rate(y) + TAIL * math.log(10.0), 0.0) / slopes[-1])
 
+    def exceeded_at(self, rate: Array) -> Array:
+        """Return the intensities (n,) that are exceeded at annual rates, inf of 0; of a plateau its end.
+
+        Parameters
+        ----------
+        rate : ndarray, shape (n,)
+            1/year.
+        """
+        logs, values, slopes = self.laws
+        with np.errstate(divide="ignore", over="ignore"):
+            wanted = np.log(rate)
+            place = np.searchsorted(-values, -wanted, side="right")
+            point = np.maximum(place - 1, 0)
+            away = np.divide(values[point] - wanted, slopes[place], np.zeros(wanted.shape), where=slopes[place] > 0.0)
+            return np.exp(logs[point] + away)
+
     def __call__(self, intensity: Number) -> Number:
         """Return the annual rate, 1/year, at which an `intensity`, or each of an array, is exceeded."""
         with np.errstate(over="ignore"):
@@ -308,10 +326,63 @@ def shares_of_rate(probability: Callable[[Array], Array], hazard: Hazard, edges:
     return np.append(y, edges[-1]), np.append(share, last)
 
 
+def motion_rates(curve: IntensityCurve, hazard: Hazard, above: float = 0.0) -> Array:
+    """Return the annual rate (r,) under each motion, or event, alone, 1/year; the rate of a curve is their mean.
+
+    Parameters
+    ----------
+    curve : IntensityCurve
+    hazard : Hazard
+    above : float
+        Without noise: intensity above which events count.
+    """
+    if curve.jumps.size:
+        rates = signs_of(curve.jumps) * hazard(np.maximum(curve.jumps, above))
+        return np.nansum(rates, axis=-1).mean(axis=-1)
+    y, share = shares_of_rate(np.ones_like, hazard, edges_of_rules(curve, hazard))
+    return np.array([share @ curve.along(row, np.exp(y)) for row in curve.shares])
+
+
+def rate_capacities(curve: IntensityCurve, hazard: Hazard) -> Capacities | None:
+    """Return `Capacities`, of each motion the threshold at which it would have its own annual rate.
+
+    A threshold beyond the outcomes, or where the hazard ends, is known to lie there. None where the rate is not the
+    mean over several motions, fewer than two have a threshold, or a test rejects that thresholds are lognormal.
+    """
+    if curve.units == 1 or not (curve.jumps.size or (curve.by_points and len(curve.shares))):
+        return None
+    end = min(curve.reach if curve.jumps.size else curve.intensity[-1], hazard.end)
+    critical = hazard.exceeded_at(motion_rates(curve, hazard))
+    critical[critical >= end] = math.inf
+    if np.isfinite(critical).sum() < 2:
+        return None
+    return curve.unless_rejected(Capacities.exact(critical, end))
+
+
+def rate_replicates(curve: IntensityCurve, capacities: Capacities | None) -> Array:
+    """Return the draws (b, 2) of medians and dispersions that limits of the rate are by; (0, 2) where there are none.
+
+    Those of `rate_capacities`, or of the lognormal curve that the rate is by.
+    """
+    if capacities is None:
+        return curve.replicates if curve.fitted else np.empty((0, 2))
+    samples = DRAWS if capacities.error.any() else capacities.usual_draws
+    return capacities.lognormal(capacities.draws(samples, np.random.default_rng(1))[0])
+
+
+def replicate_rates(replicates: Array, curve: IntensityCurve, hazard: Hazard, last: float = math.inf) -> Array:
+    """Return annual rates (b,) by `lognormal_rates` up to ln(im) `last`, of what lifts the blocks of a curve off."""
+    logs, values, slopes = hazard.laws
+    # Below, a hazard would exceed e^300 a year; no draw of a population reaches there that a limit is by.
+    first = logs[0] - (300.0 - values[0]) / slopes[0] if slopes[0] > 0.0 else -LARGEST
+    return lognormal_rates(replicates, hazard, max(first, -LARGEST, curve.log_lift_off), last)
+
+
 def rate_limits(curve: IntensityCurve, hazard: Hazard, edges: Array) -> tuple[float, float]:
     """Return 95 % limits (low, high) of the rate, 1/year, of the curve's, or nan; `edges`: of `edges_of_rules`."""
-    if curve.fitted and len(curve.replicates):
-        low, high = np.quantile(lognormal_rates(curve.replicates, hazard, edges[0]), [0.025, 0.975]).tolist()
+    replicates = rate_replicates(curve, rate_capacities(curve, hazard))
+    if len(replicates):
+        low, high = np.quantile(replicate_rates(replicates, curve, hazard), [0.025, 0.975]).tolist()
         return low, high
     if curve.fitted:
         return math.nan, math.nan

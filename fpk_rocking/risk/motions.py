@@ -334,7 +334,8 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
             peaks[f"{measure} {{:.3g}}{unit}"] = row.get("own_intensity", math.nan)
         texts = [form.format(value) for form, value in peaks.items() if math.isfinite(value)]
         if "critical_scale" in row:
-            turned = f"overturns to the {row['overturn_side']} at τ = {row['overturn_time']:.4g}"
+            time = f"τ = {row['overturn_time']:.4g}" if math.isnan(row["overturn_s"]) else f"{row['overturn_s']:.4g} s"
+            turned = f"overturns to the {row['overturn_side']} at {time}"
             texts.append(turned if row["overturn_side"] else f"peak rotation {row['peak_rotation']:.3g} θ_cr")
             critical = f"critical at {measure} {row['critical_intensity']:.4g}{unit}"
             critical += "" if at_one else f", {row['critical_scale']:.3g} times its own strength"

@@ -91,7 +91,9 @@ def _turned(first, second, azimuth, units, interval):
     events = {divided(component.event)[0] for component in (one, two)} - {""}
     if abs(apart) < math.cos(math.radians(_SQUARE)) or len(events) > 1:
         got = f"{one.description} of {one.event or path.name}; {two.description} of {two.event or other.name}"
-        raise ValueError(f"{where}: got {got}, accepted: two components of one motion at right angles")
+        raise ValueError(
+            f"{where}: got {got}, accepted: two components of one motion at right angles, one after the other"
+        )
     steps, scales = [part.interval or interval for part in (one, two)], [part.unit or units for part in (one, two)]
     for name, values in (("interval", steps), ("units", scales)):
         if None in values or "" in values:
@@ -107,5 +109,8 @@ def _turned(first, second, azimuth, units, interval):
     samples = sum(weight * values for weight, values in zip(weights, metres, strict=True)).tolist()
     source = " + ".join(dict.fromkeys((path.name, other.name)))
     event = ", ".join(filter(None, [*events, f"along {azimuth:g}°"]))
-    note = " ".join(dict.fromkeys((*one.sentences, *two.sentences)))
+    notes = [*one.sentences, *two.sentences]
+    if path != other and not (one.event and two.event):
+        notes.append(f"Paired with {other.name} as the next file: they do not both say event and station.")
+    note = " ".join(dict.fromkeys(notes))
     return Record(steps[0], tuple(samples), "m/s2", source=source, event=event, note=note)

@@ -15,11 +15,13 @@ from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.remarks import baseline_remark
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNASKED, Diagnostic
+from fpk_rocking.risk.anchor import lift_off_g
 from fpk_rocking.risk.capacities import Capacities
+from fpk_rocking.risk.floors import FloorMotion
 from fpk_rocking.risk.inputs import Draws
-from fpk_rocking.risk.lognormal import LognormalFit, fit_lognormal, fit_rows
+from fpk_rocking.risk.lognormal import REJECTED, LognormalFit, fit_lognormal, fit_rows
 from fpk_rocking.risk.motions import intensity_of, measure_of, same_event
-from fpk_rocking.risk.search import farthest_scale, first_scale, last_scale
+from fpk_rocking.risk.search import farthest_scale, first_scale, last_scale, signs_of
 from fpk_rocking.scene.scene import Scene
 
 _USUAL = 0.5
@@ -53,8 +55,9 @@ class IntensityCurve(Result):
     records : int
         Number of motions, or of events.
     sources, source_errors : dict of str to float
-        Parts of the dispersion by name, with their standard errors: "noise", each uncertain value of the block, and
-        "record to record", what these leave of the dispersion, 0 where that is negative.
+        Parts of the dispersion by name, with their standard errors: "noise" or, without it, "intervals" (the block
+        stands again under stronger shaking), each uncertain value of the block, and "record to record", what these
+        leave of the dispersion, 0 where that is negative.
     units : int
         Number of independent outcomes: of motions, or of drawn blocks where there is one motion.
     scenes : tuple of Scene
@@ -72,6 +75,8 @@ class IntensityCurve(Result):
         where there is none.
     capacities : Capacities or None
         What the replicates are drawn by; None of one scene.
+    shares : ndarray, shape (r, n)
+        Probability under each motion, or event; (0, 0) of one scene.
     """
 
     name: str
@@ -91,6 +96,7 @@ class IntensityCurve(Result):
     by_points: bool = False
     reach: float = math.inf
     capacities: Capacities | None = None
+    shares: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def unit(self) -> str:
@@ -101,6 +107,19 @@ class IntensityCurve(Result):
     def fitted(self) -> bool:
         """Whether there is a lognormal fit that the data do not reject: it is then what a call evaluates."""
         return not (self.fit.reason or self.fit.rejected)
+
+    def unless_rejected(self, capacities: Capacities) -> Capacities | None:
+        """Return capacities of these motions unless a test rejects that they are lognormal.
+
+        Where some are not exact, the test is that of the fit.
+
+        Parameters
+        ----------
+        capacities : Capacities
+        """
+        if capacities.error.any():
+            return capacities if self.fitted else None
+        return None if capacities.lilliefors(np.random.default_rng(1)) < REJECTED else capacities
 
     @property
     def tail(self) -> float:
@@ -131,6 +150,16 @@ class IntensityCurve(Result):
         lowest = scipy.special.ndtri(min(points[0], 1.0 - 0.5 / max(self.units, 2)))
         joined = np.interp(away, np.log(places / places[0]), points)
         return np.where(away < 0.0, scipy.special.ndtr(lowest + away / self.tail), joined)
+
+    @functools.cached_property
+    def log_lift_off(self) -> float:
+        """Logarithm of the intensity up to which nothing lifts blocks off; -inf where noise or motions decide it."""
+        on_floor = any(isinstance(scene.forcing, FloorMotion) for scene in self.scenes)
+        resting = all(scene.start.angle == scene.start.velocity == 0.0 for scene in self.scenes)
+        level = all(scene.forcing.vertical is None for scene in self.scenes)
+        if len(self.jumps) and self.measure in ("PFA", "PGA")[: 2 - on_floor] and resting and level:
+            return math.log(min(lift_off_g(scene.block) for scene in self.scenes))
+        return -math.inf
 
     @functools.cached_property
     def outcomes(self) -> tuple[Array, Array, Array]:
@@ -172,7 +201,8 @@ class IntensityCurve(Result):
         share = self._joined(places, share, intensity)
         if self.jumps.size:
             share = np.where(intensity < places[0], 0.0, share)
-        return np.minimum(low, share), np.maximum(high, share)
+        lifted = np.log(intensity) > self.log_lift_off
+        return lifted * np.minimum(low, share), lifted * np.maximum(high, share)
 
     @property
     def title(self) -> str:
@@ -186,13 +216,13 @@ class IntensityCurve(Result):
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
-        half = float(0.5 * np.diff(self.interval).max())
+        half = float(0.5 * np.diff(self.point_limits).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else "scene"
         sentence = (
             f"For others of their kind {self.units} {what} tell the probabilities to ±{half:.2g} at worst (95 %)."
         )
-        few = Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)
-        return [*self.model, *self.fit_diagnostics, few]
+        few = [] if math.isnan(half) else [Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
+        return [*self.model, *self.fit_diagnostics, *few]
 
     @property
     def fit_diagnostics(self) -> list[Diagnostic]:
@@ -229,12 +259,13 @@ class IntensityCurve(Result):
 
     @property
     def point_limits(self) -> Array:
-        """95 % limits (n, 2) of each probability by its own outcomes: Clopper's and Pearson's.
+        """95 % limits (n, 2) of each probability by its own outcomes: Clopper's and Pearson's, 0 up to lift-off.
 
         Of one scene those of its paths, and nan without noise: one outcome has none.
         """
         if self.units > 1:
-            return binomial_limits(self.probability, self.units)
+            lifted = np.log(self.intensity) > self.log_lift_off
+            return lifted[:, None] * binomial_limits(self.probability, self.units)
         return np.full_like(self.interval, math.nan) if len(self.jumps) else self.interval
 
     def derived(self) -> dict[str, Any]:
@@ -361,7 +392,7 @@ class IntensityCurve(Result):
                 steps = places[known], share[known], common["reach"]
             common["capacities"], values = capacities, {} if draws is None else draws.values
             suite = suite_fields(capacities, intensity, shares, trials, values, samples, rng, steps)
-            return cls(**common, **suite | name_sources(suite, records.size))
+            return cls(**common, shares=capacities.mean_of.T @ shares, **suite | name_sources(suite, records.size))
         fit, replicates = fragility.fits[0][which], np.empty((0, 2))
         if trials and not fit.reason and not fragility.deterministic[0]:
             drawn = rng.binomial(trials, fit(fragility.scale[answered]), (samples or 999, intensity.size)) / trials
@@ -410,10 +441,7 @@ def suite_fields(
     if fit.reason:
         return fields | {"fit": fit}
     population, values = capacities.draws(samples or capacities.usual_draws, rng)
-    spreads = np.linalg.norm(population[:, 1:], axis=1)
-    # Where two of several motions overturn a block, medians beyond the largest number agree with that too.
-    with np.errstate(over="ignore"):
-        fields["replicates"] = np.stack([np.exp(population[:, 0]), spreads], axis=-1)
+    fields["replicates"] = capacities.lognormal(population)
     if steps is not None:
         fit = LognormalFit(*capacities.moments(population))
         fit = fit._replace(misfit=float(np.abs(fit(places) - share).max(initial=0.0)))
@@ -421,12 +449,16 @@ def suite_fields(
         places, known = fit.median * np.exp(fit.dispersion * _TESTED), places
         places = places[places <= reach] if (places <= reach).any() else np.array([reach])
         share = np.append(0.0, share)[np.searchsorted(known, places, side="right")]
-    p_value = capacities.p_value(np.log(places), share, trials, rng)
+    if capacities.error.any():
+        p_value = capacities.p_value(np.log(places), share, trials, rng)
+    else:
+        p_value = capacities.lilliefors(rng, None if steps is None else fit.misfit)
     fit = with_intervals(fit._replace(p_value=p_value), fields["replicates"])
     if not fit.rejected:
-        points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / spreads[:, None])
+        points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / fields["replicates"][:, 1:])
         fields["interval"] = np.quantile(points, [0.025, 0.975], axis=0).T
-    sources = {"noise": (capacities.noise, capacities.noise * capacities.noise_error)} if capacities.noise else {}
+    sources = {"noise" if steps is None else "intervals": (capacities.noise, capacities.noise * capacities.noise_error)}
+    sources = sources if capacities.noise else {}
     sources |= capacities.parts(values, drawn) if drawn else {}
     rest = math.sqrt(max(fit.dispersion**2 - sum(value**2 for value, _ in sources.values()), 0.0))
     sources["record to record"] = rest, float(np.diff(np.quantile(population[:, 1], [0.16, 0.84]))[0]) / 2.0
@@ -444,7 +476,7 @@ def name_sources(suite: Mapping[str, Any], records: int) -> dict[str, Any]:
 
 def outcome_steps(jumps: Array) -> tuple[Array, Array]:
     """Intensities (k,), just before each of the jumps (r, b, k) and at it, and the share that overturns there."""
-    signs = np.broadcast_to(1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2), jumps.shape)
+    signs = np.broadcast_to(signs_of(jumps), jumps.shape)
     finite = np.isfinite(jumps)
     places, number = np.unique(jumps[finite], return_inverse=True)
     rises = np.bincount(number, signs[finite], places.size) / (jumps.shape[0] * jumps.shape[1])

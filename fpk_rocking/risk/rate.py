@@ -4,13 +4,16 @@ Which curve makes the rate, its limits, and what files for other programs carry 
 
 | outcomes | rate | limits | files |
 |---|---|---|---|
-| without noise (`IntensityCurve.jumps`) | ends of all intervals of overturning | lognormal; none: outcomes | as below |
-| with noise, of `study` (`by_points`) | points, joined by lines in ln(im) | lognormal; none: points | as below |
+| without noise (`IntensityCurve.jumps`) | ends of all intervals of overturning | motions | as below |
+| with noise, of `study` (`by_points`) | points, joined by lines in ln(im) | motions | as below |
 | other curves with a lognormal fit | lognormal | lognormal | lognormal |
 | other curves without one, or rejected | points | points | points |
 
-"Lognormal" is a fit that the data do not reject (`IntensityCurve.fitted`): its replicates give the limits, and files
-carry it. "None": where there is none.
+"Motions": the rate is the mean of the rates under each motion alone, and the limits are of that mean. A motion counts
+as if it had one threshold, which gives its own rate, and these thresholds as lognormal (`rate_capacities`); limits by a
+bootstrap over the motions would hold in .74 of lognormal suites of 5, .86 of 30. If a test rejects that, or fewer than
+two motions have a threshold, the limits are those of the points. "Lognormal" is a fit that the data do not reject
+(`IntensityCurve.fitted`), and files carry it.
 """
 
 import dataclasses
@@ -25,21 +28,30 @@ from fpk_rocking.base import checks
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic
+from fpk_rocking.risk.capacities import Capacities
 from fpk_rocking.risk.hazard import (
     LARGEST,
     Hazard,
     contributions_by_bin,
     edges_of_rules,
     lognormal_rates,
+    motion_rates,
+    rate_capacities,
     rate_limits,
+    rate_replicates,
+    replicate_rates,
     share_beyond,
     shares_of_rate,
 )
 from fpk_rocking.risk.hazard_files import units_of
 from fpk_rocking.risk.population import IntensityCurve
+from fpk_rocking.risk.search import signs_of
 
 _FEW, _MOST = 0.05, 0.5
 """Parts of a rate that are told, and from which on it is not to be used, where they come from an extrapolation."""
+
+_DIFFERENT = 0.1
+"""Part of a rate above which there is caution where that of the exported curve differs."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -51,8 +63,8 @@ class Risk(Result):
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits by the replicates of the curve, or without a fit by its `limits`; the hazard is taken as exact. They
-        contain the rate; nan for one block under one motion without noise, which has none.
+        95 % limits; the hazard is taken as exact. They contain the rate; nan for one block under one motion without
+        noise, which has none.
     edges : ndarray, shape (b + 1,)
         Intensities between which `contribution` is.
     contribution : ndarray, shape (b,)
@@ -134,15 +146,8 @@ class Risk(Result):
             text = f"{parts.format(100.0 * self.beyond_curve)}the fragility, where {law if fitted else points}"
             severity = UNUSABLE if doubt > _MOST else CAUTION
             against.append(Diagnostic(severity, f"{text}: give more of them.", "the fragility"))
-        # Of lognormal motions fewer than one suite in a thousand is told.
-        widened = self.curve.fitted and bool(self.curve.jumps.size or self.curve.by_points)
-        if widened and self.rate > 0.0 and self.rate in self.interval:
-            side = "above" if self.rate == self.interval[1] else "below"
-            text = f"The rate by the outcomes is {side} the 95 % limits of the lognormal curve, which gives "
-            text += (
-                f"{rate_text(self.exported_rate)} and is off by up to {self.curve.fit.misfit:.2g} in probability: on "
-            )
-            against.append(Diagnostic(CAUTION, f"{text}that side the limit is not known.", "lognormal rate"))
+        if self._two_rates > _DIFFERENT:
+            against.append(Diagnostic(CAUTION, self._carried, "exported rate"))
         return against
 
     @functools.cached_property
@@ -167,7 +172,8 @@ class Risk(Result):
             if factor < 1.0 and high * factor <= 10.0 and self._beyond(read) <= 0.5:
                 return (
                     f"Are the intensities of the hazard in {unit}? They were read in {self.curve.unit}, as {low:.4g} "
-                    f"to {high:.4g}; in {unit} they are {low * factor:.4g} to {high * factor:.4g} {self.curve.unit}."
+                    f"to {high:.4g}; in {unit} they are {low * factor:.4g} to {high * factor:.4g} {self.curve.unit}. "
+                    f"If so, write '{self.curve.measure} ({unit}),annual rate' as its first line."
                 )
         return ""
 
@@ -191,7 +197,7 @@ class Risk(Result):
         """Sentences: the rate in words, with what its interval leaves out, and the messages of `model_diagnostics`."""
         sampled = " and ".join(
             ["records"] * (self.curve.records > 1)
-            + ["blocks"] * bool(set(self.curve.sources) - {"noise", "record to record"})
+            + ["blocks"] * bool(set(self.curve.sources) - {"noise", "intervals", "record to record"})
             + ["noise"] * (not len(self.curve.jumps))
         )
         if self.curve.jumps.size:
@@ -202,18 +208,15 @@ class Risk(Result):
             through = "the points, joined by lines"
         at_once = "all probabilities at their lower, or all at their upper limits, as there is no fit"
         by = "by the lognormal curve" if self.curve.fitted else at_once
+        by = "by the rates under single motions" if self.capacities else by
         limits = f"; the limits ({by}) contain the sampling of {sampled}" * bool(sampled)
         text = (
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
             "The hazard and the model of the block count as known."
         )
         text += f" {self.hazard.note}" * bool(self.hazard.note)
-        if self._two_rates:
-            text += " Files for OpenQuake and pelicun carry the lognormal curve, by which the rate is "
-            text += f"{rate_text(self.exported_rate)}."
-        elif self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02:
-            text += " By the points of the curve, which files for OpenQuake and pelicun carry, the rate is "
-            text += f"{rate_text(self.exported_rate)}."
+        if 0.02 < self._two_rates <= _DIFFERENT:
+            text += f" {self._carried}"
         if self.upper_from_below > 0.2:
             lowest = f"{self.curve.measure} {np.nanmin(self.curve.jumps):.3g} {self.curve.unit}"
             text += f" {100.0 * self.upper_from_below:.0f} % of the upper limit of the rate comes from below {lowest}, "
@@ -223,23 +226,33 @@ class Risk(Result):
             text += f" Intensities below those of the fragility give {100.0 * self.below_curve:.2g} % of the rate."
         return [text, *(diagnostic.message for diagnostic in self.model_diagnostics())]
 
+    @functools.cached_property
+    def capacities(self) -> Capacities | None:
+        """`Capacities` that the limits are by, thresholds that give the rates under single motions, or None."""
+        return rate_capacities(self.curve, self.hazard)
+
     @property
     def _two_rates(self):
-        """Whether the rate differs from that of the lognormal curve, which has the limits, by more than 2 % (bool)."""
-        return self.curve.fitted and self.rate > 0.0 and abs(self.exported_rate / self.rate - 1.0) > 0.02
+        """Part (float) by which the rate of the exported curve differs."""
+        return abs(self.exported_rate / self.rate - 1.0) if self.rate > 0.0 else 0.0
+
+    @property
+    def _carried(self):
+        """What files for other programs carry, and its rate, a sentence."""
+        carried = "the lognormal curve" if self.curve.fitted else "the points of the curve"
+        return f"Files for OpenQuake and pelicun carry {carried}, by which the rate is {rate_text(self.exported_rate)}."
 
     @functools.cached_property
     def upper_from_below(self) -> float:
         """Share of the upper limit from intensities at which no motion overturns the block; 0 with noise, or no fit."""
-        curve = self.curve
-        if not (curve.fitted and len(curve.replicates) and np.isfinite(curve.jumps).any()):
+        curve, replicates = self.curve, rate_replicates(self.curve, self.capacities)
+        if not (len(replicates) and np.isfinite(curve.jumps).any()):
             return 0.0
-        edges = edges_of_rules(curve, self.hazard)
-        rates = lognormal_rates(curve.replicates, self.hazard, edges[0])
+        rates = replicate_rates(replicates, curve, self.hazard)
         low, high = np.quantile(rates, [0.965, 0.985])
         near = (rates >= low) & (rates <= high)
         lowest = math.log(np.nanmin(curve.jumps))
-        return float(lognormal_rates(curve.replicates[near], self.hazard, edges[0], lowest).sum() / rates[near].sum())
+        return float(replicate_rates(replicates[near], curve, self.hazard, lowest).sum() / rates[near].sum())
 
     @property
     def _periods(self):
@@ -347,7 +360,7 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     rate, (edges, contribution) = float(share.sum()), contributions_by_bin(_probability(curve), hazard, y, share)
     return Risk(
         rate,
-        # The limits of a fit are those of the population's curve; the mean over these motions is a point of them.
+        # Limits are those of the population; the mean over these motions is a point of them.
         (min(low, rate), max(high, rate)) if curve.by_points else (low, high),
         edges,
         contribution,
@@ -372,37 +385,30 @@ def _by_points(curve):
 def _shares(curve, hazard):
     """Return (y, share), (n,) each: ln(intensity), and the part of the rate that comes from there."""
     if np.isfinite(curve.jumps).any():
-        jumps, signs = curve.jumps.reshape(-1, curve.jumps.shape[-1]), _signs(curve)
-        return np.log(jumps).ravel(), np.nan_to_num(signs * hazard(jumps)).ravel() / len(jumps)
+        jumps = curve.jumps.reshape(-1, curve.jumps.shape[-1])
+        return np.log(jumps).ravel(), np.nan_to_num(signs_of(jumps) * hazard(jumps)).ravel() / len(jumps)
     return shares_of_rate(_probability(curve), hazard, edges_of_rules(curve, hazard))
-
-
-def _signs(curve):
-    """Return 1 for the jumps from which on the block overturns, -1 for those from which on it stands, (k,)."""
-    return 1.0 - 2.0 * (np.arange(curve.jumps.shape[-1]) % 2)
 
 
 def _by_jumps(curve, hazard, limits):
     """Return the `Risk` of motions without noise, from the intensities at which their outcomes change."""
-    signs = _signs(curve)
 
     def above(intensity):
-        return np.nansum(signs * hazard(np.maximum(curve.jumps, intensity)), axis=-1).mean(axis=-1)
+        return motion_rates(curve, hazard, intensity).mean()
 
-    rates, lowest = above(0.0), np.nanmin(curve.jumps)
-    rate = float(rates.mean())
-    # The limits are those of the population's curve; the mean over these motions is a point of them.
+    rate, lowest = float(above(0.0)), np.nanmin(curve.jumps)
+    # Limits are those of the population; the mean over these motions is a point of them.
     limits = (math.nan, math.nan) if curve.units == 1 else (min(limits[0], rate), max(limits[1], rate))
     ends = []
     for part in (1.0 - 5e-4, 5e-4):
         left, right = math.log(lowest), min(hazard.last_log(math.log(lowest)), LARGEST)
         for _ in range(60):  # halvings to rounding
             middle = 0.5 * (left + right)
-            left, right = (middle, right) if above(math.exp(middle)).mean() > part * rate else (left, middle)
+            left, right = (middle, right) if above(math.exp(middle)) > part * rate else (left, middle)
         ends.append(right)
     edges = np.exp(np.linspace(ends[0], ends[1], 25))
-    share = np.array([above(edge).mean() for edge in edges]) / (rate or 1.0)
-    first, last = (above(point).mean() / (rate or 1.0) for point in hazard.intensity[[0, -1]])
+    share = np.array([above(edge) for edge in edges]) / (rate or 1.0)
+    first, last = (above(point) / (rate or 1.0) for point in hazard.intensity[[0, -1]])
     return Risk(rate, limits, edges, -np.diff(share), (rate > 0.0) - first + last, 0.0, 0.0, curve, hazard)
 
 

@@ -92,6 +92,7 @@ def write_designs_report(path: File, designs: Any, command: str = "") -> int:
     }
     parts = [
         *(f"<p>{html.escape(text)}</p>" for text in designs.sentences),
+        designs.trust.html,
         table_html({name: np.array(column) for name, column in table.items()}),
         picture_html(designs.plot(), "Curves of all blocks, and ratios of their equivalent intensities", dots=150),
     ]
@@ -119,7 +120,14 @@ def write_designs_report(path: File, designs: Any, command: str = "") -> int:
 def _asked(study):
     """Return a dict of columns, arrays of texts (n,) by their heads, at the intensities that a `Study` was asked."""
     curve, columns = study.curve, list(study.at_asked.values())
-    names = f"{curve.measure}, {curve.unit}", f"P({curve.name})", "low (95 %)", "high (95 %)", "peak up to, g"
+    names = (
+        f"{curve.measure}, {curve.unit}",
+        f"P({curve.name})",
+        "low (95 %)",
+        "high (95 %)",
+        "P in files",
+        "peak up to, g",
+    )
     table = {name: _digits(column) for name, column in zip(names, columns, strict=False)}
     ties = zip(study.tie, columns[-2:], strict=True)
     return table | {f"tie {where}": np.array(list(map(study.force_text, column))) for where, column in ties}

@@ -94,10 +94,15 @@ def last_scale(jumps: Array) -> Array:
     return np.where(count % 2 == 1, last, math.inf)
 
 
+def signs_of(jumps: Array) -> Array:
+    """Signs (k,) of scales (..., k) at which outcomes change: 1 from which on a block overturns, -1 where it stands."""
+    return 1.0 - 2.0 * (np.arange(jumps.shape[-1]) % 2)
+
+
 def equivalent_scale(jumps: Array) -> Array:
     """Scales (m,) above which overturning at all scales covers as much of the logarithm as these do."""
-    signs, logs = 1.0 - 2.0 * (np.arange(jumps.shape[1]) % 2), np.log(jumps)
-    return np.where(np.isfinite(last_scale(jumps)), np.exp(np.nansum(signs * logs, axis=1)), math.inf)
+    logs = np.nansum(signs_of(jumps) * np.log(jumps), axis=1)
+    return np.where(np.isfinite(last_scale(jumps)), np.exp(logs), math.inf)
 
 
 class MotionOutcomes(NamedTuple):

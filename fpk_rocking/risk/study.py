@@ -21,7 +21,7 @@ from fpk_rocking.physics.noise.kinds import NoNoise
 from fpk_rocking.results.pictures import figure_of
 from fpk_rocking.results.result import Result
 from fpk_rocking.results.storage import plain, write_json, write_text
-from fpk_rocking.results.trust import CAUTION, Diagnostic, Trust
+from fpk_rocking.results.trust import CAUTION, UNUSABLE, Diagnostic, Trust
 from fpk_rocking.risk.anchor import hold, lift_off_g
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities, critical_text, factor_diagnostics
 from fpk_rocking.risk.curves import Fragility, fragility
@@ -113,6 +113,8 @@ class Study(Result):
         Intensities that were asked for; (0,) where they were left to `study`.
     mass : float or None
         Of the block, kg.
+    friction : float or None
+        Coefficient of friction below the block.
     """
 
     fragility: Fragility
@@ -129,6 +131,7 @@ class Study(Result):
     events: Sequence[Any] = ()
     asked: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     mass: float | None = None
+    friction: float | None = None
 
     row_dims = ("motion",)
 
@@ -178,9 +181,16 @@ class Study(Result):
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic`: what speaks against the motions and the intensities.
 
-        That there is one motion, that some are equal or scaled far, or that the rate still moves with more intensities.
+        That there is one motion, that some are equal or scaled far, that the rate still moves with more intensities, or
+        that the block slides before it rocks.
         """
         against, count, motions = [], self.curve.records, [scene.forcing for scene in self.motions]
+        least = not_none(self.scene.block.least_friction)
+        if self.friction is not None and self.friction < least:
+            sentence = (
+                f"With a coefficient of friction of {self.friction:g}, below {least:.3g}, the block slides before it "
+            )
+            against.append(Diagnostic(UNUSABLE, f"{sentence}rocks, and this is of one that rocks.", "friction"))
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
             if self.curve.units == 1 and len(self.curve.jumps):
@@ -206,7 +216,7 @@ class Study(Result):
         count = self.curve.records
         what = "events" if 1 < count < len(self.recorded) else "motions"
         few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
-        remarks = [*self.about_motions, self._at_most(), self.about_correction, few, self._standing()]
+        remarks = [*self.about_motions, self.about_correction, few, self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
 
     @property
@@ -231,22 +241,6 @@ class Study(Result):
     def _lifted(self):
         """Whether the base moves vertically in any motion."""
         return any(shaken.forcing.vertical is not None for shaken in self.recorded)
-
-    def _at_most(self):
-        """Return what no rate over the PGA below the block can exceed, where its limit does: tails know no lift-off."""
-        scene = self.recorded[0]
-        rests = scene.start.covariance is None and scene.start.angle == scene.start.velocity == 0.0
-        # What lifts the block off depends on each vertical motion.
-        rests = rests and not self._lifted
-        measure = "PFA" if isinstance(scene.forcing, FloorMotion) else "PGA"
-        if self.risk is None or self.critical is None or self.curve.measure != measure or not rests:
-            return ""
-        level = lift_off_g(scene.block)
-        most = float(self.risk.hazard(level))
-        if not self.risk.interval[1] > most:
-            return ""
-        text = f"A {measure} below {level:.3g} g does not lift the block off, and by the hazard one above it comes "
-        return f"{text}{rate_text(most)} times a year: the rate is at most that, whatever its upper limit."
 
     def _standing(self):
         """Return the names of the motions under which the block stands at the end of the search; empty for none."""
@@ -282,14 +276,16 @@ class Study(Result):
     def at_asked(self) -> dict[str, Array]:
         """Columns (n,) at the intensities that were asked for: intensity, probability with its own limits, and the tie.
 
-        "peak_g" is the largest peak acceleration of the motions there, "top" and "edge" are the forces that hold the
-        block under it (`fpk_rocking.risk.anchor`), in units of its weight: of the block as passed, without noise.
+        "exported" is the probability by the curve that files for other programs carry. "peak_g" is the largest peak
+        acceleration of the motions there, "top" and "edge" are the forces that hold the block under it
+        (`fpk_rocking.risk.anchor`), in units of its weight: of the block as passed, without noise.
         """
         curve, at = self.curve, [int(np.abs(self.curve.intensity - value).argmin()) for value in self.asked]
         peak = STANDARD_GRAVITY * max(intensity_of(scene, "PFA") for scene in self.motions) * curve.intensity[at]
         ties = np.array([hold(self.scene.block, value) for value in peak]).reshape(-1, 2)
-        names = *curve.row_dims, "probability", "low", "high", "peak_g", "top", "edge"
-        values = curve.intensity[at], curve.probability[at], *curve.point_limits[at].T, peak / STANDARD_GRAVITY, *ties.T
+        names = *curve.row_dims, "probability", "low", "high", "exported", "peak_g", "top", "edge"
+        values = [curve.intensity[at], curve.probability[at], *curve.point_limits[at].T, curve(curve.intensity[at])]
+        values += [peak / STANDARD_GRAVITY, *ties.T]
         return dict(zip(names, values, strict=True))
 
     @property
@@ -335,8 +331,9 @@ class Study(Result):
     def block_lines(self) -> list[str]:
         """`block_sentences`, and of each intensity that was asked for the probability with its limits, and the tie."""
         curve, lines = self.curve, self.block_sentences
-        for value, share, low, high, peak, *forces in zip(*self.at_asked.values(), strict=True):
+        for value, share, low, high, exported, peak, *forces in zip(*self.at_asked.values(), strict=True):
             limits = f"95 %: {low:.2g} to {high:.2g}" if math.isfinite(low) else "one motion, no limits"
+            limits += f"; by the lognormal curve of files {exported:.3g}" * curve.fitted
             text = f"At {curve.measure} {value:.4g} {curve.unit}: P({curve.name}) {share:.3g} ({limits}); "
             text += f"peak acceleration up to {peak:.3g} g, "
             (top, edge), (where, down) = map(self.force_text, forces), self.tie
@@ -549,6 +546,7 @@ def study(
     events: Sequence[Any] | None = None,
     blocks: int | None = None,
     mass: float | None = None,
+    friction: float | None = None,
     name: str = "rocking_block",
     workers: int | Executor = 1,
     store: File | None = None,
@@ -568,8 +566,8 @@ def study(
         In the unit of the measure, or a file that `Hazard.from_csv` reads; with None there is no rate.
     intensities : array_like, optional
         Points of the curve, in the unit of the measure; by default twelve, from half of the lowest at which a motion
-        overturns the block without noise to above the highest. With noise and a hazard others are added until they move
-        the rate by less than 1 %. Without noise rate and limits do not depend on them.
+        overturns the block without noise to where all do that ever overturn it for good. With noise and a hazard others
+        are added until they move the rate by less than 1 %. Without noise rate and limits do not depend on them.
     measure : str
         As for `fpk_rocking.risk.at_intensity`, that of the hazard.
     ground : sequence of Record, str or pathlib.Path
@@ -601,6 +599,8 @@ def study(
         Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
     mass : float, optional
         Of the block, kg: forces that hold it are then in N.
+    friction : float, optional
+        Coefficient of friction below the block: with less than it needs to rock the verdict is "do not use".
     name : str
         Identifier of the block in exported files.
     workers, store, progress
@@ -630,7 +630,10 @@ def study(
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
-    mass = None if mass is None else checks.number("mass", mass, above=0.0)
+    mass, friction = (
+        None if value is None else checks.number(name, value, above=0.0)
+        for name, value in (("mass", mass), ("friction", friction))
+    )
     measure = measure_of(measure).name
     if intensities is not None:
         listed = intensities.tolist() if isinstance(intensities, np.ndarray) else intensities
@@ -697,6 +700,7 @@ def study(
         events=events,
         asked=asked_for,
         mass=mass,
+        friction=friction,
     )
 
 
@@ -739,12 +743,14 @@ def _without_noise(scenes, measure, workers):
 
 
 def _range(critical):
-    """Return twelve intensities over the range in which motions overturn a block, by its `CriticalIntensities`."""
-    low, high = critical.critical.min(), critical.equivalent[np.isfinite(critical.equivalent)].max(initial=0.0)
-    if math.isinf(low):
+    """Return twelve intensities from where no motion overturns a block to where all do that ever overturn it for good.
+
+    By its `CriticalIntensities`.
+    """
+    if math.isinf(critical.critical.min()):
         accepted = "a list of them, as no motion overturns the block without noise"
         raise ValueError(checks.refusal("intensities", None, accepted))
-    return np.geomspace(0.5 * low, 1.25 * max(low, high), 12)
+    return np.geomspace(0.5 * np.nanmin(critical.jumps), 1.01 * np.nanmax(critical.jumps), 12)
 
 
 def _above(highest, critical):

@@ -200,3 +200,12 @@ def test_help_gives_examples():
         status, out, _ = run(command, "--help")
         assert status == 0
         assert "probability that the block has not overturned" in " ".join(out.split())
+
+
+def test_a_report_of_a_risk_is_in_the_folder_of_out(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["risk", "rack.toml", "--report", "x.html"])
+    assert "--report x.html (risk writes its report into the folder of --out)" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        cli.main(["risk", "rack.toml", "--levels", "0.5"])
+    assert "--out" not in capsys.readouterr().err

@@ -47,6 +47,7 @@ OF_RISK = {
     "depth",
     "events",
     "mass",
+    "friction",
 }
 """Options that tests/risk, test_drawing.py and test_cli_records.py try."""
 

@@ -198,6 +198,7 @@ def test_units_and_steps_that_were_typed_wrong_are_named():
     (sentence,) = implausible(scene_of(Record(0.01, gal, "g", scale=1e-3, source="x.txt")))
     assert f"The peak acceleration of x.txt is {G * max(map(abs, gal)):.4g} m/s²" in sentence
     meant = f"was {max(map(abs, motion.samples)):.4g} m/s² (cm/s²) meant? 1 g is 9.80665 m/s² or 980.665 cm/s²."
+    meant += " A unit is given by units (--units); one that the file states has to be changed in the file."
     assert sentence.endswith(meant)
     (sentence,) = implausible(scene_of(Record(0.01, gal, "m/s2")))
     assert sentence.endswith(meant)

@@ -1,16 +1,18 @@
 """What holds a block and what lifts it off: by a linear program of its equilibrium, and by paths."""
 
 import csv
+import dataclasses
 import re
 
 import numpy as np
 import pytest
 from scipy import optimize, stats
-from suites import SIZE, record
+from suites import SIZE, record, searched
 
-from fpk_rocking import Block, Body, Dimensions, NoNoise, Record, Scene
-from fpk_rocking.risk import Hazard, study
+from fpk_rocking import Block, Body, Dimensions, NoNoise, Record, Scene, cli
+from fpk_rocking.risk import Hazard, IntensityCurve, study
 from fpk_rocking.risk.anchor import hold, lift_off_g
+from fpk_rocking.risk.lognormal import LognormalFit
 from fpk_rocking.risk.motions import intensities
 from montecarlo import simulate
 
@@ -69,12 +71,13 @@ def test_at_each_intensity_that_was_asked_for_stand_the_probability_its_own_limi
     table = found.at_asked
     assert table["PGV_m_per_s"] == pytest.approx([0.3, 0.9], rel=1e-12)
     critical = found.critical
-    for value, share, low, high, peak, top, edge in zip(*table.values(), strict=True):
+    for value, share, low, high, exported, peak, top, edge in zip(*table.values(), strict=True):
         over = int(critical.overturned([value]).sum())
         proper = stats.binomtest(over, 8).proportion_ci(method="exact")
         assert (share, low, high) == pytest.approx((over / 8, proper.low, proper.high), abs=1e-9)
         own = [intensities(scene) for scene in found.recorded]
         assert peak == pytest.approx(max(value / one.pgv * one.pga for one in own) / G, rel=1e-9)
+        assert exported == pytest.approx(float(found.curve(value)), rel=1e-12)
         assert (top, edge) == pytest.approx(least_ties(0.3, 0.3, 1.0, 2.0, peak), abs=1e-9)
         text = f"At PGV {value:.4g} m/s: P(overturned) {share:.3g} (95 %: {low:.2g} to {high:.2g}); peak acceleration "
         newtons = [float(f"{250.0 * G * force:.3g}") for force in (top, edge)]
@@ -105,15 +108,46 @@ def test_the_report_has_these_answers_before_its_motions(found, tmp_path):
 
 
 def test_no_probability_of_the_curve_lies_below_its_own_lower_limit(found, tmp_path):
-    """A fit's limits may leave out the share of the motions: they stand in columns of their own."""
-    found.curve.to_csv(tmp_path / "curve.csv")
-    rows = list(csv.DictReader((tmp_path / "curve.csv").open(encoding="utf-8")))
-    for row in rows:
-        assert float(row["low"]) <= float(row["probability"]) <= float(row["high"])
-        assert float(row["lognormal_low"]) <= float(row["lognormal"]) <= float(row["lognormal_high"])
-    assert any(not float(row["lognormal_low"]) <= float(row["probability"]) for row in rows)
+    """Limits of a fit stand in columns of their own, and nowhere if it is rejected."""
+    fitted = IntensityCurve.of(searched(0.3 * stats.norm.ppf((np.arange(20) + 0.5) / 20)), "scale", samples=999)
+    for curve in (found.curve, fitted):
+        curve.to_csv(tmp_path / "curve.csv")
+        for row in csv.DictReader((tmp_path / "curve.csv").open(encoding="utf-8")):
+            assert float(row["low"]) <= float(row["probability"]) <= float(row["high"])
+            of_fit = (
+                float(row["lognormal_low"] or "nan") <= float(row["lognormal"]) <= float(row["lognormal_high"] or "nan")
+            )
+            assert of_fit == curve.fitted
+    assert (found.curve.fitted, fitted.fitted) == (False, True)
 
 
 def test_a_mass_is_refused_by_name_before_any_work():
     with pytest.raises(ValueError, match=re.escape("mass: got 0")):
         study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, mass=0.0)
+
+
+def test_the_screen_says_what_probability_the_exported_curve_has_where_that_is_another_one(found):
+    fit = LognormalFit(0.7, 0.4, p_value=0.5)
+    text = dataclasses.replace(found, curve=dataclasses.replace(found.curve, fit=fit)).text()
+    for value, share in zip(found.at_asked["PGV_m_per_s"], found.at_asked["probability"], strict=True):
+        line = next(line for line in text.splitlines() if line.startswith(f"At PGV {value:.4g} m/s: "))
+        assert f"P(overturned) {share:.3g} (95 %: " in line
+        assert f"; by the lognormal curve of files {float(fit(value)):.3g}); peak" in line
+    points = dataclasses.replace(found, curve=dataclasses.replace(found.curve, fit=LognormalFit(reason="none"))).text()
+    assert "lognormal curve of files" not in points
+
+
+def test_a_block_that_slides_before_it_rocks_is_not_to_be_used(found):
+    """Width over height .3; the option of the command line is the parameter of the study."""
+    for friction, told in ((0.29, True), (0.31, False), (None, False)):
+        judged = dataclasses.replace(found, friction=friction)
+        severe = [one.message for one in judged.diagnostics if one.name == "friction"]
+        assert len(severe) == told
+        if told:
+            assert judged.trust.verdict == "do not use"
+            assert severe[0].startswith(
+                "With a coefficient of friction of 0.29, below 0.3, the block slides before it rocks"
+            )
+    with pytest.raises(ValueError, match="friction: got -1"):
+        study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, friction=-1.0)
+    assert cli.command_line().parse_args(["risk", "rack.toml", "--friction", "0.29"]).friction == 0.29

@@ -8,6 +8,7 @@ from scipy import special, stats
 from scripts import benchmark
 
 from fpk_rocking.risk.capacities import Capacities
+from fpk_rocking.risk.lognormal import REJECTED
 
 DRAWS = 40_000
 GRID = np.geomspace(0.15, 3.0, 10)
@@ -100,6 +101,52 @@ def test_noise_blurs_capacities():
     assert curve.noise == pytest.approx(0.2, abs=4.0 * 0.2 * curve.noise_error)
     # None of 1,000 paths at 3 is as likely as not where the middle is 3.2 dispersions above.
     assert curve.low[11] == pytest.approx(math.log(3.0) - curve.noise * stats.norm.ppf(1.0 - 0.5**0.001), rel=1e-9)
+
+
+def test_the_error_of_the_dispersion_by_noise_is_a_part_of_it():
+    """Twenty motions of β = .1 and twenty of .3, nearly without sampling: mean and scatter of β²."""
+    spread = np.repeat([0.1, 0.3], 20)
+    fine = np.geomspace(0.1, 5.0, 100)
+    shares = special.ndtr(np.log(fine) / spread[:, None])
+    capacities = Capacities.of(fine, shares, 10**9, np.arange(40))
+    assert capacities.noise == pytest.approx(math.sqrt(0.05), rel=1e-3)
+    assert capacities.noise_error == pytest.approx((spread**2).std(ddof=1) / math.sqrt(40) / (2.0 * 0.05), rel=1e-3)
+
+
+def test_intervals_of_overturning_add_to_the_dispersion():
+    """The second moment of the share by a sum over a fine grid; a row that stands at the end has no part."""
+    logs = np.array([[-0.4, -0.1, 0.2], [0.0, np.nan, np.nan], [-1.0, -0.9, 0.5], [0.3, 0.4, np.nan]])
+    found = Capacities.of_jumps(np.exp(logs), np.full(4, 20.0), np.arange(4))
+    grid = np.linspace(-3.0, 3.0, 60_001)
+    over = ((logs[[0, 1, 2], None, :] <= grid[:, None]).sum(axis=-1) % 2).astype(float)
+    means, squares = (np.diff(over, axis=1) @ (0.5 * (grid[1:] + grid[:-1])) ** power for power in (1, 2))
+    own = squares - means**2
+    assert found.noise == pytest.approx(math.sqrt(own.mean()), rel=1e-3)
+    assert found.noise_error == pytest.approx(own.std(ddof=1) / math.sqrt(3) / (2.0 * own.mean()), rel=1e-3)
+    assert found.middle[:3] == pytest.approx(means, abs=2e-4)
+    settled = Capacities.of_jumps(np.exp(logs[:3]), np.full(3, 20.0), np.arange(3))
+    assert settled.moments(np.empty(0))[1] ** 2 == pytest.approx(means.var(ddof=1) + own.mean(), rel=1e-3)
+
+
+def test_the_test_of_exact_capacities_is_lilliefors():
+    """Against scipy's, by 1,999 suites here and 9,999 there: 4 standard errors of the p-value; blocks as a motion."""
+    for seed in range(4):
+        rng = np.random.default_rng([9, seed])
+        logs = (rng.standard_normal(14), rng.exponential(size=14))[seed % 2]
+        mine = Capacities.exact(np.exp(logs)).lilliefors(rng)
+        other = stats.goodness_of_fit(stats.norm, logs, statistic="ks", n_mc_samples=9_999, rng=rng).pvalue
+        assert mine == pytest.approx(other, abs=4.0 * math.sqrt(other * (1.0 - other) / 1_999) + 0.002)
+        twice = Capacities.exact(np.exp(np.repeat(logs, 2)), motion=np.repeat(np.arange(14), 2)).lilliefors(rng)
+        assert twice == pytest.approx(other, abs=6.0 * math.sqrt(other * (1.0 - other) / 1_999) + 0.002)
+
+
+def test_lognormal_motions_and_blocks_are_seldom_rejected():
+    """Of 300 suites of eight motions, three blocks each, 4 to 27 at 5 %: outside by chance .3 %."""
+    rng, motion, alarms = np.random.default_rng(10), np.repeat(np.arange(8), 3), 0
+    for _ in range(300):
+        logs = 0.4 * rng.standard_normal(8)[motion] + 0.25 * rng.standard_normal(24)
+        alarms += Capacities.exact(np.exp(logs), motion=motion).lilliefors(rng) < REJECTED
+    assert 4 <= alarms <= 27
 
 
 @pytest.mark.parametrize(

@@ -11,15 +11,21 @@ import numpy as np
 import pytest
 from scipy import stats
 from scripts import benchmark
-from suites import SCALES, SIZE, record, searched, suite
+from suites import SCALES, SIZE, searched, suite
 
-from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Scene, cli
+from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Record, Scene, cli
 from fpk_rocking.risk import Designs, Hazard, IntensityCurve, annual_frequency, at_intensity, study
 from fpk_rocking.risk.capacities import Capacities, paired_draws
 from fpk_rocking.risk.designs import ratio_of
 from fpk_rocking.risk.picture import draw_curves, draw_ratios
 
-MOTIONS, HAZARD = [record(n) for n in range(6)], Hazard.power_law(1e-3, 2.5)
+# Pulses overturn a block from one intensity on, nearly: a lognormal fit stands.
+TIMES = np.arange(0.0, 3.0, 0.02)
+MOTIONS = [
+    Record(0.02, np.where(period > TIMES, 4.0 * np.sin(2.0 * np.pi * TIMES / period), 0.0), "m/s2", event=f"{period:g}")
+    for period in np.linspace(1.3, 2.3, 6)
+]
+HAZARD = Hazard.power_law(1e-3, 2.5)
 BLOCKS = {"narrow": SIZE, "wide": Dimensions(0.75, 2.0)}
 
 
@@ -131,13 +137,17 @@ def test_all_blocks_stand_in_one_table_of_pelicun_one_picture_and_one_report(tmp
         files[-1].write_text("\n".join(f"{0.02 * k:.2f} {a!r}" for k, a in enumerate(motion.samples)))
     scenes = [str(tmp_path / f"{name} rack.toml") for name in BLOCKS]
     arguments = ["risk", *scenes, "--records", *map(str, files), "--units", "m/s2", "--hazard", "1e-3:2.5"]
-    arguments += ["--intensities", "0.4,0.8,1.6"]
+    arguments += ["--intensities", "0.4,0.8,1.6", "--friction", "0.35"]
     out = tmp_path / "out"
     assert cli.main([*arguments, "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     (ratio,) = both.ratios
     assert f"wide_rack over narrow_rack: PGV that overturns it, in the median, {ratio.median:.3g} times" in printed
     assert f"annual rate {ratio.rate:.3g} times (95 %: {ratio.rate_low:.3g} to {ratio.rate_high:.3g})" in printed
+    assert "With a coefficient of friction of 0.35, below 0.375, the block slides before it rocks" in printed
+    lines = printed.splitlines()
+    (verdict,) = [number for number, line in enumerate(lines) if line.startswith("trust: ")][:1]
+    assert verdict < lines.index(next(line for line in lines if line.startswith("narrow_rack: annual rate")))
     row = both.equivalent[3]
     assert f"3.txt: {row[0]:.4g}, {row[1]:.4g} ({row[1] / row[0]:.3g} times)" in printed
     rows = list(csv.DictReader((out / "pelicun.csv").open(encoding="utf-8")))

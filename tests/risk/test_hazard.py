@@ -165,3 +165,17 @@ def test_two_points_of_a_map_give_a_rate_and_what_other_slopes_would_make_of_it(
     far = annual_frequency(curve_of(1.5, 0.4, replicates=[(1.5, 0.4)] * 9), risk.hazard)
     assert far.trust.verdict == "do not use"
     assert far.sentences[1].endswith(": give more of them.")
+
+
+def test_what_is_exceeded_so_often_is_the_inverse_of_the_hazard():
+    """On a plateau it is its end; of 0 it is inf; beyond the points the laws go on."""
+    hazard = Hazard([0.1, 0.2, 0.5, 1.0], [1e-2, 1e-2, 1e-3, 1e-4])
+    places = np.array([0.21, 0.4, 0.5, 0.7, 3.0])
+    assert hazard.exceeded_at(hazard(places)) == pytest.approx(places, rel=1e-12)
+    assert hazard.exceeded_at(np.array([1e-2, 0.0])) == pytest.approx([0.2, math.inf])
+    law, ends = Hazard.power_law(2e-3, 2.5), Hazard([0.1, 0.5, 1.0], [1e-2, 1e-3, 0.0])
+    assert law.exceeded_at(law(np.array([1e-5, 7e4]))) == pytest.approx([1e-5, 7e4], rel=1e-9)
+    assert ends.exceeded_at(np.array([5e-3, 1e-9]))[0] == pytest.approx(
+        float(0.1 * 2.0 ** (math.log(5.0) / math.log(10.0))), rel=1e-9
+    )
+    assert ends.exceeded_at(np.array([1e-9]))[0] > 1.0

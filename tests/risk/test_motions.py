@@ -7,7 +7,7 @@ from suites import SIZE, record
 
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
 from fpk_rocking.risk import at_intensity, critical_intensities, synthetic_records
-from fpk_rocking.risk.motions import intensities, intensity_of, recorded_scenes
+from fpk_rocking.risk.motions import intensities, intensity_of, motion_lines, recorded_scenes
 
 
 def test_scenes_at_an_intensity_have_it():
@@ -58,3 +58,15 @@ def test_band_noise_has_enough_harmonics_for_each_motion_and_not_for_the_placeho
         assert harmonics == pytest.approx([100, 100, 160, 320, 800], abs=1)
         chosen = Scene.from_block(0.5, 1.8, **placeholder, **noise, harmonics=150)
         assert {shaken.noise.harmonics for shaken in recorded_scenes(chosen, motions)} == {150}
+
+
+def test_a_motion_that_overturns_the_block_does_so_in_seconds():
+    strong = dataclasses.replace(record(1), scale=10.0)
+    suite = critical_intensities(Scene(Block(0.9, SIZE), strong, NoNoise()), [strong])
+    (line,) = motion_lines(suite.table(), "PGV")
+    seconds = SIZE.seconds(float(suite.overturn_time[0]))
+    assert f"overturns to the {suite.table()['overturn_side'][0]} at {seconds:.4g} s, critical at PGV" in line
+    # A block without a size knows no seconds.
+    harmonic = Scene(Block(0.9), Harmonic(9.0, 2.0), NoNoise())
+    found = critical_intensities(harmonic, measure="scale", cycles=20)
+    assert f" at τ = {found.overturn_time[0]:.4g}, critical" in motion_lines(found.table(), "scale")[0]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fpk_rocking import Block, Body, NoNoise, Record, Scene, cli
+from fpk_rocking.results.trust import VERDICTS
 from fpk_rocking.risk import Hazard, in_plane, study
 from fpk_rocking.studies import resized
 from montecarlo import simulate
@@ -111,6 +112,21 @@ def test_components_to_the_north_and_the_west_are_a_pair_and_a_bracket_names_the
         in_plane([files[0], other], 30.0)
 
 
+def test_files_that_do_not_say_their_event_are_paired_in_their_order_and_this_is_told(tmp_path):
+    parts = ground(4)
+    named, files = pair(tmp_path, parts, (0, 90)), []
+    for name, column in zip(("NS", "EW"), parts.T, strict=True):
+        files.append(tmp_path / f"{name}.csv")
+        rows = [f"{STEP * k:.2f},{sample!r}" for k, sample in enumerate(column.tolist())]
+        files[-1].write_text("\n".join([f"time (s),acc_{name} (m/s2)", *rows]))
+    said = "Paired with EW.csv as the next file: they do not both say event and station."
+    (record,) = in_plane(files, 30.0)
+    assert said in record.note
+    assert any(said in sentence for sentence in record.implausible)
+    assert in_plane(named, 30.0)[0].note == ""
+    assert "Paired with" in in_plane([named[0], files[1]], 30.0)[0].note
+
+
 def test_what_is_no_pair_is_refused_by_name(tmp_path):
     parts = ground(1)
     north, east = pair(tmp_path, parts, (0, 90))
@@ -160,6 +176,8 @@ def test_both_planes_of_a_block_in_one_run(tmp_path, capsys):
     larger, total = (f"{value:.2e}".replace("e-0", "e-") for value in (max(rates), sum(rates)))
     assert rates[0] != rates[1]
     assert f"the larger is {larger}, the sum {total}. Neither is a bound in three dimensions." in said
+    verdicts = [VERDICTS.index(one["trust"]["verdict"]) for one in values["studies"].values()]
+    assert values["trust"]["verdict"] == VERDICTS[max(verdicts)] != "ok"
     assert cli.main([*map(str, arguments[:-2]), "--depth", "80 cm"]) == 2
     assert "--depth: got '80 cm', accepted: together with --azimuth, which is missing" in capsys.readouterr().err
     assert cli.main([*map(str, [*arguments[:2], *arguments[1:]]), "--depth", "80 cm"]) == 2

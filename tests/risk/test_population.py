@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from suites import SCALES, SIZE, curve_of, record, suite
+from suites import SCALES, SIZE, curve_of, record, searched, suite
 
 from fpk_rocking import BandNoise, Block, NoNoise, Pulse, Scene
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, drawn, fragility
@@ -71,6 +71,21 @@ def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
         proper = stats.binomtest(round(20 * share), 20).proportion_ci(method="exact")
         assert limits == pytest.approx((proper.low, proper.high), abs=1e-9)
     assert np.array_equal(curve(SCALES), curve.probability)
+
+
+def test_a_fit_that_leaves_the_share_of_the_motions_is_rejected():
+    """Thresholds of 20 motions are lognormal; if each also overturns the block far below its own, the share is not."""
+    logs = 0.3 * stats.norm.ppf((np.arange(20) + 0.5) / 20)
+    plain = IntensityCurve.of(searched(logs), "scale", samples=99)
+    assert (plain.fit.rejected, plain.fit.p_value > 0.9) == ("", True)
+    made = searched(logs)
+    jumps = np.exp(logs[:, None, None] + np.array([-1.0, -0.5, 0.5]))
+    curve = IntensityCurve.of(dataclasses.replace(made, motions=MotionOutcomes(jumps, *np.zeros((3, 20)))), "scale")
+    assert curve.fit.median == pytest.approx(plain.fit.median, rel=1e-9)
+    assert curve.fit.dispersion**2 == pytest.approx(plain.fit.dispersion**2 + 1.0, rel=1e-9)  # 1² - .5² + .5²
+    assert curve.fit.misfit > 0.3
+    assert curve.fit.p_value < 0.001
+    assert "is rejected (p = 0.0005, below 0.05)" in curve.fit_diagnostics[0].message
 
 
 def test_limits_without_a_fit_do_not_depend_on_the_points_of_the_curve():

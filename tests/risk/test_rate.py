@@ -101,7 +101,9 @@ def test_limits_of_a_bent_hazard_are_the_integrals_of_the_replicates(median, spr
     ("measure", "factor", "unit", "own"),
     [("PGV", 100.0, "cm/s", "m/s"), ("PGA", 9.80665, "m/s²", "g"), ("PGA", 980.665, "cm/s²", "g")],
 )
-def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_is_named(measure, factor, unit, own):
+def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_is_named(
+    tmp_path, measure, factor, unit, own
+):
     """The hazard of .003 to 6 of the right unit in a file of another one; then one that none explains."""
     curve = dataclasses.replace(
         curve_of(0.7 if factor < 10.0 else 0.3, 0.3, replicates=[(0.7, 0.3)] * 9), measure=measure
@@ -118,6 +120,11 @@ def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_
     )
     assert f"; in {unit} they are {least:.4g} to 6 {own}. " in message
     assert message.endswith("go on.")
+    heading = f"{measure} ({unit}),annual rate"
+    assert f"If so, write '{heading}' as its first line." in message
+    file = tmp_path / "hazard.csv"
+    file.write_text("\n".join([heading, *(f"{a!r},{b!r}" for a, b in zip(intensity, meant.rate, strict=True))]))
+    assert Hazard.from_csv(file).intensity == pytest.approx(intensity / factor, rel=1e-9)
     far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).model_diagnostics()[0]
     assert (far.severity, far.message.endswith(": give more of them.")) == (UNUSABLE, True)
     share = annual_frequency(curve, Hazard([0.71 * curve.fit.median, 6.0], [1e-2, 1e-5]))
@@ -163,23 +170,68 @@ def test_one_motion_without_noise_has_no_limits():
     assert np.isnan(risk.interval).all()
     assert risk.title == f"annual rate of overturning = {rate_text(risk.rate)} (no limits)"
     assert f"years, probability in 50 years {risk.probability():.2g}. Computed" in risk.sentences[0]
-    assert risk.trust.plain == {"verdict": "caution", "reasons": ["No error is estimated."]}
+    assert risk.trust.verdict == "caution"
+    assert "No error is estimated." in risk.trust.reasons
 
 
-def test_the_verdict_tells_a_rejected_fit_and_a_rate_outside_the_limits_of_the_fit():
+def test_the_verdict_tells_a_rejected_fit_and_an_exported_curve_with_another_rate():
     law = Hazard.power_law(rate=1e-3, exponent=2.0)
     rejected = dataclasses.replace(curve_of(), fit=LognormalFit(0.7, 0.4, p_value=0.01, misfit=0.2))
     reasons = annual_frequency(rejected, law).trust.reasons
     assert "The lognormal fit is rejected (p = 0.01, below 0.05): it is off by up to 0.2. Use the" in reasons[0]
     jumps = np.array([0.4, 0.9, 1.6])[:, None, None]
-    for median, side in ((2.0, "above"), (0.2, "below"), (0.7, "")):
-        curve = curve_of(median, 0.2, replicates=[(median * factor, 0.2) for factor in np.geomspace(0.7, 1.4, 40)])
-        risk = annual_frequency(dataclasses.replace(curve, jumps=jumps, units=3), law)
-        told = [one for one in risk.diagnostics if one.name == "lognormal rate"]
-        assert [one.severity for one in told] == [CAUTION] * bool(side)
-        assert risk.interval[0] <= risk.rate <= risk.interval[1]
-        if side:
-            assert f"by the outcomes is {side} the 95 % limits of the lognormal curve, which gives " in told[0].message
+    rate = np.mean(1e-3 * jumps**-2.0)
+    for part, told in ((0.89, True), (0.91, False), (1.09, False), (1.11, True)):
+        # The curve of dispersion .2 that gives this part of the rate.
+        median = math.sqrt(1e-3 * math.exp(2.0 * 0.2**2) / (part * rate))
+        risk = annual_frequency(dataclasses.replace(curve_of(median, 0.2), jumps=jumps, units=3), law)
+        assert risk.exported_rate / risk.rate == pytest.approx(part, rel=1e-9)
+        said = f"carry the lognormal curve, by which the rate is {rate_text(part * rate)}."
+        assert [said in one.message for one in risk.diagnostics if one.name == "exported rate"] == [True] * told
+        assert [one.severity for one in risk.diagnostics if one.name == "exported rate"] == [CAUTION] * told
+        assert (said in risk.sentences[0]) != told
+
+
+def test_limits_without_noise_are_of_the_rates_under_single_motions():
+    """Each motion counts at the threshold that has its rate; a power law of these: Student's t and chi-square."""
+    law, rng = Hazard.power_law(rate=1e-3, exponent=2.0), np.random.default_rng(3)
+    first = 0.7 * np.exp(0.4 * rng.standard_normal(12))
+    jumps = np.stack([first, 1.3 * first, 1.5 * first], axis=-1)  # stands again up to 1.5 times the first one
+    jumps[::2, 1:] = np.nan
+    risk = annual_frequency(dataclasses.replace(curve_of(9.0), jumps=jumps[:, None], units=12, records=12), law)
+    rates = np.nansum(1e-3 * jumps**-2.0 * [1.0, -1.0, 1.0], axis=1)
+    assert risk.rate == pytest.approx(rates.mean(), rel=1e-12)
+    logs = np.log(rates / 1e-3) / -2.0
+    assert risk.capacities.middle == pytest.approx(logs, abs=1e-12)
+    spread = np.sqrt(logs.var(ddof=1) * 11.0 / rng.chisquare(11, 200_000))
+    middle = logs.mean() + spread / math.sqrt(12.0) * rng.standard_normal(200_000)
+    drawn = np.quantile(1e-3 * np.exp(-2.0 * middle + 2.0 * spread**2), [0.025, 0.975])
+    # 20,000 draws of a long tail.
+    assert np.log(risk.interval) == pytest.approx(np.log(drawn), abs=0.04 * math.log(drawn[1] / drawn[0]))
+    assert "; the limits (by the rates under single motions) contain the sampling of records. " in risk.sentences[0]
+    # Where thresholds are of two groups, far apart, they are those of the outcomes.
+    groups = np.repeat([0.2, 2.0], [10, 10]) * np.tile([1.0, 1.1], 10)
+    two = {"fit": LognormalFit(reason="two"), "units": 20, "records": 20}
+    parted = dataclasses.replace(curve_of(), jumps=groups[:, None, None], **two)
+    assert annual_frequency(parted, law).capacities is None
+    assert "(all probabilities at their lower, or all" in annual_frequency(parted, law).sentences[0]
+
+
+def test_limits_with_noise_are_of_the_rates_under_single_motions():
+    """Under a power law a motion of median m and dispersion β has the rate of the threshold m exp(-k β²/2)."""
+    law, medians = Hazard.power_law(rate=1e-3, exponent=2.0), np.array([0.5, 0.6, 0.7, 0.9, 1.0])
+    fine = np.geomspace(0.05, 6.0, 400)
+    shares = np.array([LognormalFit(median, 0.25)(fine) for median in medians])
+    curve = dataclasses.replace(curve_of(9.0), intensity=fine, probability=shares.mean(axis=0), shares=shares, units=5)
+    assert annual_frequency(curve, law).capacities is None  # by the lognormal curve, rate and limits
+    risk = annual_frequency(dataclasses.replace(curve, by_points=True), law)
+    assert np.exp(risk.capacities.middle) == pytest.approx(medians * math.exp(-(0.25**2)), rel=1e-3)
+    assert risk.interval[0] < risk.rate < risk.interval[1]
+    # A motion that overturns nothing within the points is known to have its threshold above them.
+    shares[4] = 0.0
+    stands = annual_frequency(dataclasses.replace(curve, shares=shares, by_points=True), law)
+    assert stands.capacities.low[4] == pytest.approx(math.log(6.0), rel=1e-12)
+    assert np.isinf(stands.capacities.high[4])
 
 
 def test_where_nothing_overturns_the_upper_limits_are_above_zero():
@@ -214,7 +266,7 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     assert along.rate < 0.7 * closed
     assert along.title == f"annual rate of overturning = {rate_text(along.rate)} (no limits)"
     carried = f"Files for OpenQuake and pelicun carry the lognormal curve, by which the rate is {rate_text(closed)}."
-    assert carried in along.sentences[0]
+    assert carried in along.sentences[1:]
     assert "OpenQuake" not in annual_frequency(curve, law).sentences[0]
     without = dataclasses.replace(curve, fit=LognormalFit(reason="left out"))
     points = annual_frequency(without, law)
@@ -225,26 +277,32 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     assert stepped.rate == pytest.approx(np.mean(1e-3 * jumps**-2.0), rel=1e-12)
     constant = 0.5 * law(without.intensity[0])  # and what lies below the points
     assert stepped.exported_rate > constant
-    assert (
-        "By the points of the curve, which files for OpenQuake and pelicun carry, the rate is " in stepped.sentences[0]
-    )
-    assert rate_text(stepped.exported_rate) in stepped.sentences[0]
+    said = "Files for OpenQuake and pelicun carry the points of the curve, by which the rate is "
+    assert f"{said}{rate_text(stepped.exported_rate)}." in stepped.sentences
 
 
 def test_what_of_the_upper_limit_comes_from_where_no_motion_overturns():
-    """Replicates of one median and dispersion, whose rate below .4 is integrated on a grid."""
-    curve, law = curve_of(0.7, 0.5), Hazard.power_law(rate=1e-3, exponent=2.0)
-    jumps = np.array([0.4, 0.9, 1.6])[:, None, None]
-    risk = annual_frequency(dataclasses.replace(curve, jumps=jumps, replicates=np.tile([0.7, 0.5], (50, 1))), law)
-    grid = np.geomspace(1e-3, 1e3, 400_001)
-    parts = special.ndtr(np.log(np.sqrt(grid[1:] * grid[:-1]) / 0.7) / 0.5) * -np.diff(law(grid))
-    share = parts[grid[1:] <= 0.4].sum() / parts.sum()
-    assert risk.upper_from_below == pytest.approx(share, rel=1e-3)
-    assert 0.2 < share < 0.9
-    sentence = f" {100.0 * share:.0f} % of the upper limit of the rate comes from below PGV 0.4 m/s, where no motion"
-    assert sentence in risk.sentences[0]
-    assert " This intensity is exceeded 6.25e-3 times a year." in risk.sentences[0]
-    assert annual_frequency(curve, law).upper_from_below == 0.0
+    """Thirty motions: the lognormal rates whose draws lie at the upper limit, below the lowest, in closed form."""
+    logs, rng = np.log(0.7) + 0.5 * stats.norm.ppf((np.arange(30) + 0.5) / 30), np.random.default_rng(4)
+    law, jumps = Hazard.power_law(rate=1e-3, exponent=3.0), np.exp(logs)[:, None, None]
+    risk = annual_frequency(dataclasses.replace(curve_of(0.7, 0.5), jumps=jumps, units=30), law)
+    spread = np.sqrt(logs.var(ddof=1) * 29.0 / rng.chisquare(29, 100_000))
+    middle = logs.mean() + spread / math.sqrt(30.0) * rng.standard_normal(100_000)
+    rates, lowest = np.exp(-3.0 * middle + 4.5 * spread**2), logs[0]
+    below = rates * special.ndtr((lowest - middle) / spread + 3.0 * spread)
+    below -= math.exp(-3.0 * lowest) * special.ndtr((lowest - middle) / spread)
+    near = np.abs(np.searchsorted(np.sort(rates), rates) / 1e5 - 0.975) < 0.01
+    share = below[near].sum() / rates[near].sum()
+    assert risk.upper_from_below == pytest.approx(share, abs=0.06)  # a hundred draws are near the limit
+    assert 0.25 < share < 0.9
+    share = risk.upper_from_below
+    sentence = (
+        f" {100.0 * share:.0f} % of the upper limit of the rate comes from below PGV {math.exp(lowest):.3g} m/s, "
+    )
+    assert f"{sentence}where no motion" in risk.sentences[0]
+    often = rate_text(float(law(math.exp(lowest))))
+    assert f" This intensity is exceeded {often} times a year." in risk.sentences[0]
+    assert annual_frequency(curve_of(0.7, 0.5), law).upper_from_below == 0.0
 
 
 def test_years_are_plain_numbers():

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import Scene, studies
-from fpk_rocking.risk import Hazard, search, study, synthetic_records
+from fpk_rocking import Scene, Start, studies
+from fpk_rocking.risk import Building, Hazard, annual_frequency, search, study, synthetic_records
 from fpk_rocking.risk.motions import intensities
 from montecarlo import histories, simulate
 
@@ -60,7 +60,14 @@ def test_the_table_of_motions_and_the_curve_agree():
     table, curve = result.table(), result.curve
     median = math.exp(np.log(table["equivalent_intensity"]).mean())
     assert curve.fit.median == pytest.approx(median, rel=1e-12)
-    assert curve.fit.dispersion == pytest.approx(np.log(table["equivalent_intensity"]).std(ddof=1), rel=1e-9)
+    # Of the share of motions below one, over the logarithm, the second moment; motions are few.
+    fine = np.linspace(math.log(0.05), math.log(20.0), 200_001)
+    share = result.critical.overturned(np.exp(fine)).mean(axis=0)
+    within = np.diff(share) @ (0.5 * (fine[1:] + fine[:-1]) - math.log(median)) ** 2
+    logs = np.log(table["equivalent_intensity"])
+    assert curve.fit.dispersion**2 == pytest.approx(within - logs.var() + logs.var(ddof=1), rel=1e-3)
+    assert curve.sources["record to record"] == pytest.approx(logs.std(ddof=1), rel=1e-6)
+    assert curve.sources["intervals"] > 0.1
     grid = np.exp(np.arange(math.log(0.1), math.log(10.0), 1e-4))
     over = result.critical.overturned(grid).sum(axis=1) * 1e-4
     assert np.log(grid[-1] / table["equivalent_intensity"]) == pytest.approx(over, abs=2e-3)
@@ -79,10 +86,10 @@ def test_intensities_have_a_default_over_which_the_motions_overturn_the_block():
     block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), synthetic_records(6, duration=5.0, rms=1.5)
     result = study(block, motions, None)
     intensity, suite = result.curve.intensity, stepped(5).critical
-    wanted = 0.5 * suite.critical.min(), 1.25 * suite.equivalent.max()
+    wanted = 0.5 * np.nanmin(suite.jumps), 1.01 * suite.always.max()
     assert intensity == pytest.approx(np.geomspace(*wanted, 12), rel=1e-9)
     assert result.curve.probability.tolist() == suite.overturned(intensity).mean(axis=0).tolist()
-    assert (result.curve.probability[0], result.curve.probability[-1] > 0.5) == (0.0, True)
+    assert result.curve.probability[[0, -1]].tolist() == [0.0, 1.0]
     noisy = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz", noise_rms_acceleration=0.3, noise_band_hz=(0, 8))
     assert study(noisy, motions, None, realizations=2).curve.intensity == pytest.approx(intensity, rel=1e-9)
 
@@ -115,24 +122,35 @@ def test_motions_that_do_not_settle_are_told_by_name(monkeypatch):
     assert not any("where the search ends" in text for text in stepped(5).remarks)
 
 
-def test_a_rate_over_pga_is_at_most_that_of_what_lifts_the_block_off():
-    """Five motions that differ much: the lognormal tails reach below the PGA that lifts a block of .5 x 1.8 m off."""
+def test_up_to_what_lifts_the_block_off_no_probability_and_no_limit_is_above_zero():
+    """Five motions that differ much: tails of lognormal curves reach below the PGA that lifts the block off."""
     block, motions = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz"), []
     for factor, motion in zip((0.3, 0.6, 1.0, 2.0, 4.0), synthetic_records(5, duration=5.0), strict=True):
         motions.append(dataclasses.replace(motion, interval=factor * motion.interval))
     hazard = Hazard([0.18, 0.34], [1 / 475, 1 / 2475], measure="PGA", source="map.csv")
-    result = study(block, motions, hazard, [0.5, 1.0, 2.0], measure="PGA")
+    result = study(block, motions, hazard, [0.277, 0.278, 1.0], measure="PGA")
+    assert result.curve.log_lift_off == pytest.approx(math.log(0.5 / 1.8), rel=1e-12)
     most = float(hazard(0.5 / 1.8))
-    assert result.risk.interval[1] > most > result.risk.rate
-    said = "A PGA below 0.278 g does not lift the block off, and by the hazard one above it comes 6.83e-4 times a year"
-    assert f"{most:.2e}" == "6.83e-04"
-    assert f"{said}: the rate is at most that, whatever its upper limit." in result.text()
-    assert "lift the block off" not in stepped(5).text()
-    # Like motions under a hazard that hardly falls: the upper limit is below the rate of what lifts the block off.
-    alike = synthetic_records(6, duration=5.0, rms=1.5)
-    flat = study(block, alike, Hazard.power_law(rate=1e-3, exponent=0.5), [0.5, 1.0, 2.0], measure="PGA")
-    assert flat.risk.interval[1] < float(flat.risk.hazard(0.5 / 1.8))
-    assert "lift the block off" not in flat.text()
+    assert result.risk.rate < result.risk.interval[1] <= most
+    free = dataclasses.replace(result.curve, measure="PGV", jumps=result.curve.jumps)
+    assert annual_frequency(free, dataclasses.replace(hazard, measure="PGV")).interval[1] > most
+    low, high = result.at_asked["low"], result.at_asked["high"]
+    assert (low.tolist()[:2], high[0], high[1] > 0.0) == ([0.0, 0.0], 0.0, True)
+    assert "At PGA 0.277 g: P(overturned) 0 (95 %: 0 to 0" in result.text()
+    # Neither other measures, nor the PGA of the ground below a floor, nor a vertical motion leave it known.
+    assert math.isinf(stepped(5).curve.log_lift_off)
+    upright = dataclasses.replace(motions[0], vertical=motions[0])
+    for changed in (
+        [
+            scene.varied(forcing=dataclasses.replace(upright, scale=scene.forcing.scale))
+            for scene in result.curve.scenes
+        ],
+        [dataclasses.replace(result.curve.scenes[0], start=Start(0.1, 0.0))],
+        [dataclasses.replace(result.curve.scenes[0], forcing=Building(0.5, 0.05, 1.0).floor_motion(motions[0]))],
+    ):
+        assert math.isinf(dataclasses.replace(result.curve, scenes=tuple(changed)).log_lift_off)
+    floor = dataclasses.replace(result.curve, scenes=tuple(changed), measure="PFA")
+    assert floor.log_lift_off == pytest.approx(math.log(0.5 / 1.8), rel=1e-12)
 
 
 def test_without_noise_each_motion_is_told_by_name(tmp_path):

@@ -18,6 +18,8 @@ from fpk_rocking.physics.forcing.samples import BASELINES, CORNER_HZ, Drift, Sam
 from fpk_rocking.physics.forcing.transient import TransientForcing
 from fpk_rocking.physics.motion import TERMS
 
+_REMEDY = "A unit is given by units (--units); one that the file states has to be changed in the file."
+
 _UNSIZED = "block.dimensions: missing, required for a forcing of kind 'record', which is in seconds"
 
 
@@ -313,9 +315,11 @@ class Record(TransientForcing):
         if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units in ("g", "m/s2"):
             units = ["m/s2"] * (self.units == "g" and number <= 2.0 * UNITS["g"]) + ["cm/s2"]
             meant = " or ".join(f"{number * UNITS[unit]:.4g} m/s² ({unit.replace('2', '²')})" for unit in units)
-            sentences.append(f"{peak}; was {meant} meant? 1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s².")
+            ones = f"1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s²"
+            sentences.append(f"{peak}; was {meant} meant? {ones}. {_REMEDY}")
         elif 3.0 * UNITS["g"] < drift.pga < math.inf or 0.0 < drift.pga < 1e-3 * UNITS["g"]:
-            sentences.append(f"{peak}: is its unit {self.units}, or are its numbers, up to {number:.4g}, counts?")
+            counts = f"is its unit {self.units}, or are its numbers, up to {number:.4g}, counts?"
+            sentences.append(f"{peak}: {counts} {_REMEDY}")
         elif 5.0 < drift.corrected_pgv < math.inf or lasts > 1800.0:
             sentences.append(
                 f"The PGV of {name} is {drift.corrected_pgv:.3g} m/s without drift, and it lasts {lasts:.4g} s: is its "
