@@ -155,7 +155,7 @@ def test_the_mean_of_motions_is_a_curve_for_others_of_their_kind(outcomes):
     assert np.all(np.diff(pooled.interval)[2:4] > 0.3)  # five motions tell little of others
     assert pooled.fit.median_interval[0] < pooled.fit.median < pooled.fit.median_interval[1]
     assert pooled.trust.verdict == "caution"
-    half = 0.5 * np.diff(pooled.interval).max()
+    half = 0.5 * np.diff(pooled.point_limits).max()
     assert (
         f"For others of their kind 5 motions tell the probabilities to ±{half:.2g} at worst (95 %)."
         in pooled.trust.reasons

@@ -274,10 +274,9 @@ def test_a_curve_of_the_floors_own_peak_is_for_pelicun_and_no_hazard_of_the_grou
 
 def test_what_lifts_a_block_off_on_a_floor_is_no_bound_of_the_ground():
     """A PGA of the ground below that may overturn it: the building makes more of it."""
-    for measure, said in (("PGA", 0), ("PFA", 1)):
+    for measure, bounded in (("PGA", False), ("PFA", True)):
         result = study(BLOCK, GROUND, Hazard.power_law(1e-3, 1.0), measure=measure, building=BUILDING)
-        assert result.risk.interval[1] > 1e-3 / 0.3
-        assert sum(f"A {measure} below 0.3 g does not lift the block off" in text for text in result.remarks) == said
+        assert (result.risk.interval[1] <= 1e-3 / 0.3) == bounded
 
 
 def test_the_command_takes_ground_building_and_measure(tmp_path, capsys):

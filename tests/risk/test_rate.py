@@ -123,7 +123,7 @@ def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_
     heading = f"{measure} ({unit}),annual rate"
     assert f"If so, write '{heading}' as its first line." in message
     file = tmp_path / "hazard.csv"
-    file.write_text("\n".join([heading, *(f"{a!r},{b!r}" for a, b in zip(intensity, meant.rate, strict=True))]))
+    file.write_text("\n".join([heading, *(f"{a},{b}" for a, b in zip(intensity, meant.rate, strict=True))]))
     assert Hazard.from_csv(file).intensity == pytest.approx(intensity / factor, rel=1e-9)
     far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).model_diagnostics()[0]
     assert (far.severity, far.message.endswith(": give more of them.")) == (UNUSABLE, True)
