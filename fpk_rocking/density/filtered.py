@@ -197,7 +197,8 @@ class FilteredPropagator(CyclicPropagator):
 
     def _activate(self, k, steps, density):
         """Activate in the `steps` at all nodes the cells with more than a negligible mass in step k at one of them."""
-        largest = np.abs(density).max(axis=(0, 1, 4, 5)) * self.space.areas
+        nodes = density.reshape(-1, *density.shape[2:])  # over these first: four times as fast as over all axes
+        largest = np.maximum(nodes.max(axis=0), -nodes.min(axis=0)).max(axis=(2, 3)) * self.space.areas
         self.active[k] |= largest > self.negligible
         if (self.active[k] & ~steps[0].active).any():
             grown = with_neighbours(self.active[k])
