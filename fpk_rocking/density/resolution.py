@@ -289,7 +289,8 @@ def resolutions_for(tol, before, filtered=False, early=False):
     elif not filtered:
         chosen.insert(4, INTERMEDIATE)
     if early and usual == 3:
-        chosen.insert(0, COARSEST)
+        # The second may be the last: its start-up is that of the third, and the coarsest has another, to tell its error.
+        chosen[:2] = (COARSEST, *(dataclasses.replace(one, patches=RESOLUTIONS[2].patches) for one in RESOLUTIONS[:2]))
     return chosen[max(usual - before, 0) :]
 
 

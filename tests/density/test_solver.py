@@ -122,11 +122,15 @@ def test_the_error_of_the_bins_by_both_differences(bins, factor, expected):
 
 def test_a_coarser_solution_serves_the_middle_tolerance_alone():
     names = [*RESOLUTIONS[:4], INTERMEDIATE, *RESOLUTIONS[4:]]
-    assert resolutions_for(1e-3, SOLUTIONS, early=True) == [COARSEST, *names]
+    coarsest, *later = resolutions_for(1e-3, SOLUTIONS, early=True)
+    assert (coarsest, later[2:]) == (COARSEST, names[2:])
+    assert [dataclasses.replace(one, patches=RESOLUTIONS[0].patches) for one in later[:2]] == names[:2]
+    # No start-up is that of all of three solutions, whose error none would tell; that of the answer is not the coarsest.
+    assert [one.patches for one in later[:3]] == [RESOLUTIONS[2].patches] * 3
     assert resolutions_for(1e-3, SOLUTIONS) == names
     for tol in (1e-2, 1e-4):
         assert resolutions_for(tol, SOLUTIONS, early=True) == resolutions_for(tol, SOLUTIONS)
-    assert COARSEST.patches == RESOLUTIONS[0].patches
+    assert COARSEST.patches.reach < RESOLUTIONS[2].patches.reach
 
 
 def test_solutions_begin_coarser_where_most_blocks_stand(monkeypatch):
