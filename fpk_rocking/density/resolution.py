@@ -289,8 +289,10 @@ def resolutions_for(tol, before, filtered=False, early=False):
     elif not filtered:
         chosen.insert(4, INTERMEDIATE)
     if early and usual == 3:
-        # The second may be the last: its start-up is that of the third, and the coarsest has another, to tell its error.
-        chosen[:2] = (COARSEST, *(dataclasses.replace(one, patches=RESOLUTIONS[2].patches) for one in RESOLUTIONS[:2]))
+        # The second may be the last: it starts as the third does, and the coarsest, which starts otherwise, tells by how
+        # much that is off.
+        patches = RESOLUTIONS[2].patches
+        chosen[:2] = (COARSEST, *(dataclasses.replace(one, patches=patches) for one in RESOLUTIONS[:2]))
     return chosen[max(usual - before, 0) :]
 
 
