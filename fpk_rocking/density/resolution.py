@@ -289,7 +289,7 @@ def resolutions_for(tol, before, filtered=False, early=False):
     elif not filtered:
         chosen.insert(4, INTERMEDIATE)
     if early and usual == 3:
-        # The second may be the last: it starts as the third does, and the coarsest, which starts otherwise, tells by how
+        # The second may be the last: it starts as the third does. The coarsest, which starts otherwise, tells by how
         # much that is off.
         patches = RESOLUTIONS[2].patches
         chosen[:2] = (COARSEST, *(dataclasses.replace(one, patches=patches) for one in RESOLUTIONS[:2]))

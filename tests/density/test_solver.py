@@ -125,7 +125,7 @@ def test_a_coarser_solution_serves_the_middle_tolerance_alone():
     coarsest, *later = resolutions_for(1e-3, SOLUTIONS, early=True)
     assert (coarsest, later[2:]) == (COARSEST, names[2:])
     assert [dataclasses.replace(one, patches=RESOLUTIONS[0].patches) for one in later[:2]] == names[:2]
-    # No start-up is that of all of three solutions, whose error none would tell; that of the answer is not the coarsest.
+    # A start-up that three solutions share would have an error that none of them tells.
     assert [one.patches for one in later[:3]] == [RESOLUTIONS[2].patches] * 3
     assert resolutions_for(1e-3, SOLUTIONS) == names
     for tol in (1e-2, 1e-4):
