@@ -131,7 +131,8 @@ def test_what_few_harmonics_change_is_in_the_density():
         assert density.mass_defect < 1e-12
         bins = density.bin_probabilities(cycles, [-2.0, 0.0, 2.0], [-9.0, 9.0])
         assert bins.sum() == pytest.approx(density.survival[cycles], abs=1e-10)
-        assert "Realizations of few harmonics" in " ".join(density.remarks)
+        scatter = density.settings["replacement"]["scatter"]
+        assert f"Realizations differ in strength by {scatter:.2g}" in " ".join(density.remarks)
         assert density.trust.verdict == ("ok" if density.total_error.max() <= tol else "caution")
         assert not any("not checked" in reason for reason in density.trust.reasons)
 
