@@ -41,13 +41,17 @@ def test_same_counts_for_any_threads_and_any_batches(undisturbed, tmp_path):
 def test_memory_does_not_grow_with_the_ensemble(undisturbed, monkeypatch):
     """Not even where the engine is so fast that a batch could hold all: 0.8 MB of states for the largest."""
     monkeypatch.setattr(simulation, "TUNING", simulation.TUNING._replace(tally_states=3 * 300))
-    peaks = []
-    for realizations in (64, 1000, 16_000):
+
+    def peak(realizations):
         tracemalloc.start()
         tally(MAIN, cycles=2, realizations=realizations, progress=lambda *_: gc.collect())
-        peaks.append(tracemalloc.get_traced_memory()[1])
+        allocated = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert peaks[2] < peaks[1] + 100_000
+        return allocated
+
+    # What a first run and other threads allocate comes on top of a peak, so the least of three is that of the run.
+    small, large = (min(peak(realizations) for _ in range(3)) for realizations in (1000, 16_000))
+    assert large < small + 100_000
     reports = []
     assert content(tally(MAIN, **SIZE, progress=lambda *counts: reports.append(counts))) == content(undisturbed)
     assert reports[-1] == (3000, 3000)
