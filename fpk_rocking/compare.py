@@ -335,11 +335,11 @@ def _melnikov(results) -> dict:
         return dict.fromkeys(names)
     noises = [result.scene.noise for result in results]
     return {
-        "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing, angle)),
-        "melnikov_loss": float(melnikov.impact_loss(restitution, angle)),
-        "melnikov_deviation": np.sqrt([melnikov.noise_variance(noise, angle) for noise in noises]),
-        "melnikov_margin": melnikov.margin(forcing, restitution, noises, angle),
-        "phase_flux": melnikov.phase_flux(forcing, restitution, noises, angle),
+        "melnikov_amplitude": float(melnikov.harmonic_amplitude(forcing, critical_angle=angle)),
+        "melnikov_loss": float(melnikov.impact_loss(restitution, critical_angle=angle)),
+        "melnikov_deviation": np.sqrt([melnikov.noise_variance(noise, critical_angle=angle) for noise in noises]),
+        "melnikov_margin": melnikov.margin(forcing, restitution, noises, critical_angle=angle),
+        "phase_flux": melnikov.phase_flux(forcing, restitution, noises, critical_angle=angle),
     }
 
 

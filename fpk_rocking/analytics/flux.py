@@ -34,6 +34,7 @@ def phase_flux(
     forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
+    *,
     critical_angle: float = 0.0,
 ) -> Number:
     """Phase flux Φ = E[(σ_M y₁ + D_m y₂ - M)⁺] (paper eq. 17, corrected).
@@ -73,6 +74,7 @@ def phase_flux_as_printed(
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
     equation: int = 17,
+    *,
     critical_angle: float = 0.0,
 ) -> Number:
     """Phase flux of a slender block with the paper's misprints, only for comparison with its figures.

@@ -10,9 +10,9 @@ rocking from overturning. Its variance σ_M² (eq. 15) also says which white noi
 * Phase flux: `phase_flux` (17, corrected), `phase_flux_as_printed`, `phase_flux_sampled`.
 
 Amplitudes, frequencies, restitutions and noises may be arrays or sequences, which broadcast. The critical angle α of
-the block is a number: 0, a slender block (the paper), or `scene.block.critical_angle`. `exact_critical_amplitude` and
-`phase_flux_as_printed` refuse any but 0. Everything is derived in docs/theory, "Melnikov process and phase
-flux".
+the block is a number, given by its name: 0, a slender block (the paper), or `scene.block.critical_angle`.
+`exact_critical_amplitude` and `phase_flux_as_printed` refuse any but 0. Everything is derived in docs/theory, "Melnikov
+process and phase flux".
 
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996.
@@ -78,6 +78,7 @@ def critical_amplitude(
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
     criterion: str = "peak",
+    *,
     critical_angle: float = 0.0,
 ) -> Number:
     """Smallest amplitude A of the forcing that meets a Melnikov criterion; 0 where the noise alone meets it, σ_M >= M.
@@ -111,15 +112,18 @@ def critical_amplitude(
         raise ValueError(checks.refusal("criterion", criterion, accepted))
     omega, loss, sigma = broadcast(
         frequency=numbers("frequency", frequency, above=0.0),
-        restitution=impact_loss(restitution, critical_angle),
+        restitution=impact_loss(restitution, critical_angle=critical_angle),
         noise=melnikov_deviations(noise, critical_angle),
     )
     lacking = np.maximum(loss - sigma, 0.0) * (loss + sigma)
-    needed = 0.5 * (1.0 + omega**2) if critical_angle == 0.0 else 1.0 / np.abs(transfer(omega, critical_angle))
+    if critical_angle == 0.0:
+        needed = 0.5 * (1.0 + omega**2)
+    else:
+        needed = 1.0 / np.abs(transfer(omega, critical_angle=critical_angle))
     return (needed * np.sqrt(lacking / shares[criterion]))[()]
 
 
-def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
+def exact_critical_amplitude(frequency: ArrayLike, restitution: ArrayLike, *, critical_angle: float = 0.0) -> Number:
     """Amplitude from which the manifolds of a slender block cross without noise, exactly (derived in docs/theory).
 
     Its flights are linear, so both manifolds are known at x = 0 in closed form. They cross from
@@ -154,6 +158,7 @@ def margin(
     forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike],
     restitution: ArrayLike,
     noise: Noise | Sequence[Noise],
+    *,
     critical_angle: float = 0.0,
 ) -> Number:
     """Margin √(D_m² + σ_M²) - M by which forcing and noise exceed the Melnikov criterion (paper eq. 14).

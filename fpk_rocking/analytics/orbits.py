@@ -86,6 +86,7 @@ def symmetric_orbits(
     frequency: float,
     restitution: float,
     cutoff: float = math.pi / 2,
+    *,
     critical_angle: float = 0.0,
 ) -> tuple[SymmetricOrbit, ...]:
     """Find all symmetric orbits of a slender block with one impact in each half cycle, without noise.

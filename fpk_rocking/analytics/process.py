@@ -24,7 +24,7 @@ from fpk_rocking.physics.noise.equivalence import noise_variance
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise, refuse_envelope
 
 
-def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[Number, Number]:
+def heteroclinic_orbit(times: ArrayLike, *, critical_angle: float = 0.0) -> tuple[Number, Number]:
     """Orbit from the saddle x = -1 to the saddle x = 1 without forcing and losses; it meets x = 0 at the time 0.
 
     (angle, velocity) are sgn(τ)(1 - e^(-|τ|)) and e^(-|τ|) for a slender block, else sgn(τ)(1 - φ/α) and (2/α) sin(φ/2)
@@ -47,7 +47,7 @@ def heteroclinic_orbit(times: ArrayLike, critical_angle: float = 0.0) -> tuple[N
     return separatrix_orbit(numbers("times", times), critical_angle)
 
 
-def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
+def transfer(frequency: ArrayLike, *, critical_angle: float = 0.0) -> Number:
     """Fourier transform of the kernel of the process: 2/(1 + ω²) for a slender block (paper eq. 16).
 
     It is the work that a force cos ωτ does along the orbit. Where cos α < 2/3 it is negative at high frequencies.
@@ -69,7 +69,7 @@ def transfer(frequency: ArrayLike, critical_angle: float = 0.0) -> Number:
 
 
 def harmonic_amplitude(
-    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], critical_angle: float = 0.0
+    forcing: Harmonic | Harmonics | tuple[ArrayLike, ArrayLike], *, critical_angle: float = 0.0
 ) -> Number:
     """Amplitude D_m of the periodic part of the Melnikov process, 2A/(1 + Ω²) for a slender block (paper eqs. 12-14).
 
@@ -90,15 +90,15 @@ def harmonic_amplitude(
     if isinstance(forcing, Harmonics):
         return forcing_along_orbit(forcing, critical_angle).largest
     amplitude, frequency = amplitude_and_frequency(forcing, "a Harmonic, Harmonics, or a tuple (amplitude, frequency)")
-    return amplitude * np.abs(transfer(frequency, critical_angle))
+    return amplitude * np.abs(transfer(frequency, critical_angle=critical_angle))
 
 
 def forcing_along_orbit(forcing: Harmonics, critical_angle: float) -> Harmonics:
     """Return the periodic part of the Melnikov process: each harmonic multiplied by its `transfer`."""
-    return forcing.filtered(lambda frequency: transfer(frequency, critical_angle))
+    return forcing.filtered(lambda frequency: transfer(frequency, critical_angle=critical_angle))
 
 
-def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
+def impact_loss(restitution: ArrayLike, *, critical_angle: float = 0.0) -> Number:
     """Energy M = (1 - e²) v₀²/2 that the impact takes from a block on the heteroclinic orbit.
 
     The speed v₀ of the orbit at x = 0 is 1 for a slender block, else (2/α) sin(α/2).
@@ -121,7 +121,7 @@ def impact_loss(restitution: ArrayLike, critical_angle: float = 0.0) -> Number:
 
 
 def process_mean(
-    forcing: Harmonic | Harmonics, restitution: ArrayLike, times: ArrayLike, critical_angle: float = 0.0
+    forcing: Harmonic | Harmonics, restitution: ArrayLike, times: ArrayLike, *, critical_angle: float = 0.0
 ) -> Number:
     """Mean of the Melnikov process over the noise, for the orbit from left to right (paper eqs. 12 to 14).
 
@@ -146,9 +146,11 @@ def process_mean(
     """
     refuse_transient(forcing, "the Melnikov process")
     checks.instance("forcing", forcing, Harmonic, Harmonics)
-    tau, loss = broadcast(times=numbers("times", times), restitution=impact_loss(restitution, critical_angle))
+    tau, loss = broadcast(
+        times=numbers("times", times), restitution=impact_loss(restitution, critical_angle=critical_angle)
+    )
     waves = (
-        a * transfer(k * forcing.frequency, critical_angle) * np.cos(k * forcing.frequency * tau + phase)
+        a * transfer(k * forcing.frequency, critical_angle=critical_angle) * np.cos(k * forcing.frequency * tau + phase)
         for k, a, phase in forcing.components
     )
     return -sum(waves) - loss
@@ -161,6 +163,7 @@ def sampled_process(
     times: ArrayLike,
     frequencies: ArrayLike,
     phases: ArrayLike,
+    *,
     critical_angle: float = 0.0,
 ) -> Array:
     """Melnikov process of given realizations of band noise, in closed form.
@@ -199,9 +202,9 @@ def sampled_process(
     if nu.shape[-1:] != (banded.harmonics,):
         accepted = f"(..., {banded.harmonics}), the number of harmonics of the noise"
         raise ValueError(checks.refusal("shape of frequencies and phases", nu.shape, accepted))
-    weights = math.sqrt(2.0 * banded.variance / banded.harmonics) * transfer(nu, critical_angle)
+    weights = math.sqrt(2.0 * banded.variance / banded.harmonics) * transfer(nu, critical_angle=critical_angle)
     waves = np.cos(nu[..., None, :] * tau[:, None] + phi[..., None, :])
-    return np.einsum("...tn,...n->...t", waves, weights) + process_mean(forcing, e, tau, critical_angle)
+    return np.einsum("...tn,...n->...t", waves, weights) + process_mean(forcing, e, tau, critical_angle=critical_angle)
 
 
 def numbers(
@@ -257,8 +260,8 @@ def broadcast(**arrays: ArrayLike) -> tuple[Array, ...]:
 def process_terms(forcing: Any, restitution: Any, noise: Any, critical_angle: float = 0.0) -> tuple[Array, ...]:
     """Return D_m, M and σ_M in one shape; the forcing is looked at first, as it stands first in every call."""
     return broadcast(
-        forcing=harmonic_amplitude(forcing, critical_angle),
-        restitution=impact_loss(restitution, critical_angle),
+        forcing=harmonic_amplitude(forcing, critical_angle=critical_angle),
+        restitution=impact_loss(restitution, critical_angle=critical_angle),
         noise=melnikov_deviations(noise, critical_angle),
     )
 
@@ -275,4 +278,4 @@ def noise_array(noise: Any) -> Array:
 def melnikov_deviations(noise: Any, critical_angle: float = 0.0) -> Array:
     """Return the standard deviations σ_M of the Melnikov process under one noise, shape (), or a nested sequence."""
     array = noise_array(noise)
-    return np.sqrt([noise_variance(entry, critical_angle) for entry in array.flat]).reshape(array.shape)
+    return np.sqrt([noise_variance(entry, critical_angle=critical_angle) for entry in array.flat]).reshape(array.shape)

@@ -115,7 +115,7 @@ def scatter_of_strength(scene: Scene) -> float:
     noise, block = scene.noise, scene.block
     if noise.kind != "band" or noise.frequencies == "stratified":
         return 0.0
-    return realized_spread(noise, block.restitution, block.critical_angle)
+    return realized_spread(noise, block.restitution, critical_angle=block.critical_angle)
 
 
 def second_derivative(values: Sequence[Array]) -> Array:

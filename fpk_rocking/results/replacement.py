@@ -108,10 +108,10 @@ def check_remarks(density: Any) -> Iterator[str]:
         f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
     )
     noise, block = density.scene.noise, density.scene.block
-    part = equivalence.relative_variance(noise, block.critical_angle)
+    part = equivalence.relative_variance(noise, critical_angle=block.critical_angle)
     spread = ""
     if noise.frequencies == "independent":
-        strength = equivalence.realized_spread(noise, block.restitution, block.critical_angle)
+        strength = equivalence.realized_spread(noise, block.restitution, critical_angle=block.critical_angle)
         spread = f"; realizations of {noise.harmonics} harmonics differ in strength by {100.0 * strength:.0f} %"
     rest = (
         f"; the forcing alone reaches {density.scene.forcing.largest:.3g}, a block at rest lifts off above "

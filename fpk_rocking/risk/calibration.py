@@ -348,7 +348,7 @@ class Calibration(Result):
         ends = self.weights.sum(axis=(0, 2, 3))[[0, -1]].sum()
         if ends > 0.01:
             text = f"{ends:.2g} of the posterior lies at the ends of the prior of {SCATTERED}."
-            out.append(Diagnostic(CAUTION, text))
+            out.append(Diagnostic(CAUTION, text, "ends of the prior"))
         return out
 
     @property

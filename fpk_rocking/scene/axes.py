@@ -103,7 +103,7 @@ def joint_edges(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         (xx, _), (_, vv) = scene.start.covariance
         started += 4.0 * (math.sqrt(xx) + math.sqrt(vv))
     velocity = max(1.0 + driven, cut_off + max(rebound, driven - 1.0, started))
-    velocity += 4.0 * math.sqrt(equivalent_diffusion(scene.noise, scene.block.critical_angle))
+    velocity += 4.0 * math.sqrt(equivalent_diffusion(scene.noise, critical_angle=scene.block.critical_angle))
     return _edges(cut_off), _edges(velocity)
 
 

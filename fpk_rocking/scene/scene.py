@@ -131,7 +131,7 @@ class Scene:
         if self.noise.kind == "white":
             return self
         self.block.require_symmetric(*_EQUAL_SIDES)
-        diffusion = equivalent_diffusion(self.noise, self.block.critical_angle)
+        diffusion = equivalent_diffusion(self.noise, critical_angle=self.block.critical_angle)
         return dataclasses.replace(self, noise=WhiteNoise(diffusion, self.noise.envelope))
 
     def filtered_equivalent(self, states: int = 2) -> Self:
@@ -158,7 +158,7 @@ class Scene:
         if noise.kind != "band" or noise.variance == 0.0:
             raise ValueError(checks.refusal("noise", noise, "band noise of a variance > 0, or filtered noise"))
         self.block.require_symmetric(*_EQUAL_SIDES)
-        ratio = noise_variance(noise, self.block.critical_angle) / noise.variance
+        ratio = noise_variance(noise, critical_angle=self.block.critical_angle) / noise.variance
         frequency = low_pass_frequency(ratio, critical_angle=self.block.critical_angle, states=states)
         if frequency is None:
             accepted = (

@@ -1,5 +1,6 @@
 """Melnikov process and criteria against quadrature over the orbit, sampled noise and integration of the manifolds."""
 
+import inspect
 import math
 
 import numpy as np
@@ -219,6 +220,7 @@ def test_everything_broadcasts():
         ),
         (lambda: melnikov.noise_variance(0.16), TypeError, r"noise: got 0\.16, accepted: BandNoise, "),
         (lambda: melnikov.equivalent_diffusion("white"), TypeError, r"noise: got 'white', accepted: BandNoise, "),
+        (lambda: melnikov.realized_spread(NOISE, 5.0), ValueError, r"restitution: got 5\.0, accepted: .* <= 1\.0"),
         (lambda: melnikov.relative_variance(5), TypeError, r"noise: got 5, accepted: BandNoise, "),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, repeats=1), ValueError, r"repeats: got 1, .* >= 2"),
         (lambda: melnikov.phase_flux_sampled(FORCING, 0.5, NOISE, strata=0), ValueError, r"strata: got 0, .* >= 1"),
@@ -238,3 +240,11 @@ def test_everything_broadcasts():
 def test_bad_arguments_are_refused_by_name(call, error, message):
     with pytest.raises(error, match=message):
         call()
+
+
+def test_no_number_is_taken_as_the_critical_angle_unless_it_is_named():
+    """A restitution behind the noise would be one for a squat block, in silence."""
+    taken = {name: inspect.signature(getattr(melnikov, name)).parameters["critical_angle"] for name in melnikov.__all__}
+    assert [name for name, angle in taken.items() if angle.kind is not inspect.Parameter.KEYWORD_ONLY] == []
+    with pytest.raises(TypeError, match="relative_variance"):
+        melnikov.relative_variance(NOISE, 0.5)

@@ -31,7 +31,9 @@ def test_exponential_noise_has_both_variances_of_the_band(angle):
     scene = MAIN.varied(block=dataclasses.replace(MAIN.block, critical_angle=angle))
     noise = scene.filtered_equivalent(states=1).noise
     assert (noise.filter, noise.variance) == ("exponential", 0.04)
-    assert melnikov.noise_variance(noise, angle) == pytest.approx(melnikov.noise_variance(MAIN.noise, angle), rel=1e-12)
+    assert melnikov.noise_variance(noise, critical_angle=angle) == pytest.approx(
+        melnikov.noise_variance(MAIN.noise, critical_angle=angle), rel=1e-12
+    )
     if not angle:
         ratio = melnikov.noise_variance(MAIN.noise) / 0.04
         assert noise.frequency == pytest.approx((1.0 + math.sqrt(1.0 + 2.0 * ratio)) / ratio - 1.0, rel=1e-12)

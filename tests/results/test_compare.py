@@ -172,11 +172,13 @@ def test_melnikov_figures_of_each_noise():
 def test_melnikov_figures_are_those_of_the_block():
     scene = dataclasses.replace(MAIN, block=Block(0.5, critical_angle=0.3))
     compared = compare(fakes.FakeEnsemble(scene), fakes.FakeEvolution(scene))
-    assert compared.melnikov_amplitude == melnikov.harmonic_amplitude(MAIN.forcing, 0.3)
-    assert compared.melnikov_loss == melnikov.impact_loss(0.5, 0.3)
-    assert compared.melnikov_deviation.tolist() == [math.sqrt(melnikov.noise_variance(MAIN.noise, 0.3))] * 2
-    assert compared.melnikov_margin.tolist() == [melnikov.margin(MAIN.forcing, 0.5, MAIN.noise, 0.3)] * 2
-    assert compared.phase_flux.tolist() == [melnikov.phase_flux(MAIN.forcing, 0.5, MAIN.noise, 0.3)] * 2
+    assert compared.melnikov_amplitude == melnikov.harmonic_amplitude(MAIN.forcing, critical_angle=0.3)
+    assert compared.melnikov_loss == melnikov.impact_loss(0.5, critical_angle=0.3)
+    assert (
+        compared.melnikov_deviation.tolist() == [math.sqrt(melnikov.noise_variance(MAIN.noise, critical_angle=0.3))] * 2
+    )
+    assert compared.melnikov_margin.tolist() == [melnikov.margin(MAIN.forcing, 0.5, MAIN.noise, critical_angle=0.3)] * 2
+    assert compared.phase_flux.tolist() == [melnikov.phase_flux(MAIN.forcing, 0.5, MAIN.noise, critical_angle=0.3)] * 2
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from fpk_rocking.physics.motion.separatrix import checked_angle, kernel_halves, 
 from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 
 
-def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
+def noise_variance(noise: Noise, *, critical_angle: float = 0.0) -> float:
     """Variance σ_M² of the Melnikov process of a noise, nondimensional.
 
     It is 2D for white noise and (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band [a, b] (eq. 15, its σ²
@@ -65,7 +65,7 @@ def noise_variance(noise: Noise, critical_angle: float = 0.0) -> float:
     return noise.variance * noise.space.variance_along(*melnikov_kernel(critical_angle))
 
 
-def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
+def equivalent_diffusion(noise: Noise, *, critical_angle: float = 0.0) -> float:
     """Diffusion D_M, ⟨ηη⟩ = 2Dδ, of the white noise with the same Melnikov variance: σ_M²/2 for a slender block.
 
     To replace band noise or filtered noise by it is an approximation (a closure), which paths under the noise itself
@@ -91,10 +91,10 @@ def equivalent_diffusion(noise: Noise, critical_angle: float = 0.0) -> float:
     _check(noise)
     if noise.kind == "white":
         return noise.diffusion
-    return 0.5 * noise_variance(noise, critical_angle) / white_gain(critical_angle)
+    return 0.5 * noise_variance(noise, critical_angle=critical_angle) / white_gain(critical_angle)
 
 
-def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
+def relative_variance(noise: Noise, *, critical_angle: float = 0.0) -> float:
     """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum, from 0 to 1.
 
     It says how much of the frequencies that move the block a spectrum contains. With G the peak of the one-sided
@@ -126,10 +126,10 @@ def relative_variance(noise: Noise, critical_angle: float = 0.0) -> float:
         return along / (white * noise.space.peak_density)
     banded = _band(noise)
     low, high = banded.band
-    return noise_variance(noise, critical_angle) * (high - low) / (white * banded.variance)
+    return noise_variance(noise, critical_angle=critical_angle) * (high - low) / (white * banded.variance)
 
 
-def response(frequency: ArrayLike, restitution: float, critical_angle: float = 0.0) -> Number:
+def response(frequency: ArrayLike, restitution: float, *, critical_angle: float = 0.0) -> Number:
     """Weight of a frequency in the diffusion that a realization stands for, with the jump of velocity kept.
 
     A block that passes the impact leaves x = 0 with e times the velocity it arrived with. The squared transform of that
@@ -163,7 +163,7 @@ def forgetful_diffusion(noise: Noise) -> float:
     return noise.variance * math.atan2(high - low, 1.0 + low * high) / (high - low)
 
 
-def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.0) -> float:
+def realized_spread(noise: Noise, restitution: float, *, critical_angle: float = 0.0) -> float:
     """Relative scatter between realizations of band noise: standard deviation over mean of their equivalent diffusions.
 
     A realization draws its N harmonics once, and how strongly it acts on the block depends on their frequencies, and on
@@ -182,7 +182,7 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
     Raises
     ------
     TypeError, ValueError
-        The noise has another kind, or the variance 0, or α is out of bounds.
+        The noise has another kind, or the variance 0, or e or α is out of bounds.
 
     Examples
     --------
@@ -190,15 +190,15 @@ def realized_spread(noise: Noise, restitution: float, critical_angle: float = 0.
     >>> print([round(melnikov.realized_spread(BandNoise(0.04, (0.0, 10.0), n), 0.5), 2) for n in (30, 100, 1000)])
     [0.44, 0.24, 0.08]
     """
-    banded = _band(noise)
+    banded, e = _band(noise), checks.number("restitution", restitution, at_least=0.0, at_most=1.0)
     weights, frequency = _quadrature(banded)
-    values = np.asarray(response(frequency, restitution, critical_angle))
+    values = np.asarray(response(frequency, e, critical_angle=critical_angle))
     mean, square = weights @ values, weights @ values**2
     if banded.frequencies == "stratified":
         (low, high), parts = banded.band, np.arange(banded.harmonics)[:, None]
         nodes, weights = gauss_legendre(8, 0.0, 1.0)
         places = low + (high - low) * (parts + nodes) / banded.harmonics
-        means = np.asarray(response(places, restitution, critical_angle)) @ weights
+        means = np.asarray(response(places, e, critical_angle=critical_angle)) @ weights
         # Squared amplitudes are exponential: their mean square is twice their squared mean.
         return math.sqrt((2.0 * square - np.mean(means**2)) / banded.harmonics) / mean
     # A band so narrow that its responses do not differ may come out below zero by rounding.
