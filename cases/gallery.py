@@ -89,9 +89,9 @@ CAPTIONS = {
     "fig06_survival.png": "Survival by both, and the difference",
     "convergence.png": "Error of the density on finer meshes",
     "physics_engines.png": "Engines for many bodies on one rocking block",
-    "shake_table_fragility.png": "Shake-table tests: curves over PGV of predictions lie near those of outcomes",
-    "shake_table_missed.png": "Shake-table tests that a fit predicts wrongly if it has not seen the motion",
-    "shake_table_reliability.png": "Shake-table tests: probabilities hold for motions that the fit has not seen",
+    "shake_table_fragility.png": "Shake-table tests: predictions and outcomes over PGV",
+    "shake_table_missed.png": "Shake-table tests that are predicted wrongly",
+    "shake_table_reliability.png": "Shake-table tests: reliability of the probabilities",
     "time_at_equal_error.png": "Error against seconds, density and samplers",
     "time_at_equal_error_growth.png": "Seconds over the noise and over the number of cycles",
 }

@@ -1,5 +1,6 @@
 """README and the pages: every block of code runs and prints what stands below it; the reference is complete."""
 
+import ast
 import functools
 import inspect
 import json
@@ -15,6 +16,10 @@ import pytest
 import fpk_rocking
 import montecarlo
 from fpk_rocking import Scene, cli, load_scene, melnikov, options, studies
+from fpk_rocking.results.trust import DIAGNOSTICS, UNASKED
+from fpk_rocking.risk.calibration import FEW, TOO_FEW
+from fpk_rocking.risk.critical import LARGEST_FACTOR
+from fpk_rocking.risk.study import MOVED
 
 ROOT = pathlib.Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -167,6 +172,27 @@ def test_reference_has_every_public_name():
     shown = set(re.findall(r"^\.\. auto(?:function|class|exception):: (\w+)", text, re.MULTILINE))
     public = {*fpk_rocking.__all__, *montecarlo.__all__, *studies.__all__, *melnikov.__all__} - {"melnikov"}
     assert public - shown == set()
+
+
+def test_all_reasons_of_a_verdict_are_listed_by_name():
+    """Error figures in the table of the page on results, all others in the reference: those that the sources make."""
+    made = set(DIAGNOSTICS)
+    for path in (path for package in ("fpk_rocking", "montecarlo") for path in (ROOT / package).rglob("*.py")):
+        for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(call, ast.Call) and getattr(call.func, "id", "") == "Diagnostic":
+                made |= {name.value for name in call.args[2:3] if isinstance(name, ast.Constant)}
+    table = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
+    cells = re.findall(r"^\| (`\w+`(?:, `\w+`)*)[:,] ", table, re.MULTILINE)
+    page = (ROOT / "docs" / "reference" / "reasons.rst").read_text(encoding="utf-8")
+    others = re.findall(r"^``(.+)``\n    ", page, re.MULTILINE)
+    assert sorted([*re.findall(r"\w+", " ".join(cells)), *others]) == sorted(made - {""})
+    for text in (
+        f"as wide as ±{UNASKED:g}, or".replace("0.", "."),
+        f"by more than {LARGEST_FACTOR:g}.",
+        f"more than {100.0 * MOVED:g} % with the last",
+        f"Fewer than {FEW:g} draws of `calibrated` count effectively; fewer than {TOO_FEW:g},",
+    ):
+        assert text in page
 
 
 def test_scenes_of_the_package_are_named_where_a_reader_looks():
