@@ -69,7 +69,7 @@ def judged(scene, paths):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
-            density = checked(solve_fpk(scene, tol=TOL, **rows))
+            density = checked(solve_fpk(scene, tol=TOL, noise_replacement="white", **rows))
         except ValueError as reason:
             return {"scene": scene, "reason": str(reason)}
     end = scene.overturning.angle

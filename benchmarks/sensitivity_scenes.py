@@ -109,7 +109,8 @@ def calls():
         return {"survival": splitting.survival, "paths": repeats, "sampling": splitting.standard_error}
 
     def solved(scene, cycles, **options):
-        evolution = fpk.solve_fpk(scene, **({"cycles": cycles} if cycles else {}), **options)
+        own = {"cycles": cycles} if cycles else {}
+        evolution = fpk.solve_fpk(scene, noise_replacement="white", **own, **options)
         bins = evolution.bin_probabilities(len(evolution.survival) - 1, *EDGES)
         estimates = [evolution.error_estimate, evolution.bins_error_estimate]
         return {"survival": evolution.survival, "bins": bins, "estimate": np.nan_to_num(estimates, posinf=0.0)}

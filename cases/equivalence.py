@@ -118,7 +118,7 @@ def _solved(scene, cycles, tol, label):
     # Where weak noise misses the tolerance, it does so by less than realizations can tell.
     with warnings.catch_warnings(), reporting(label) as progress:
         warnings.simplefilter("ignore", RuntimeWarning)
-        return solve_fpk(scene, cycles=cycles, tol=tol, progress=progress)
+        return solve_fpk(scene, cycles=cycles, tol=tol, noise_replacement="white", progress=progress)
 
 
 def _row(scene, counted, survival, realizations, seed):

@@ -65,7 +65,7 @@ def run(out, cycles=CYCLES, realizations=1_000_000, tol=1e-2, seed=1) -> dict:
     queue_for_helpers(compilation_of(engine_of(scene), scene))
 
     with reporting("density") as progress:
-        density = solve_fpk(scene, cycles=last, tol=tol, noise_replacement="auto", progress=progress)
+        density = solve_fpk(scene, cycles=last, tol=tol, progress=progress)
     with reporting("Monte Carlo") as progress:
         paths = tally(scene, cycles=last, realizations=realizations, seed=seed, progress=progress)
     density = density.checked(paths)

@@ -65,7 +65,7 @@ def run(out, variances=VARIANCES, cycles=30, realizations=100_000, tol=2e-3, see
     for variance in variances:
         noisy = scene.varied(noise={"variance": variance})
         with reporting(f"density, σ² = {variance:g}") as progress:
-            density = solve_fpk(noisy, cycles=cycles, tol=tol, progress=progress)
+            density = solve_fpk(noisy, cycles=cycles, tol=tol, noise_replacement="white", progress=progress)
         band, white = _counted(noisy, sampled), _counted(noisy.white_equivalent(), sampled)
         rows.append({"variance": variance} | _row(density, band, white))
     values = {

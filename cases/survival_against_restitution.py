@@ -63,7 +63,8 @@ def run(
     densities = []
     for e in density_restitutions:
         with reporting(f"density, e = {e:g}") as progress:
-            densities.append(solve_fpk(_varied(scene, e, OURS), cycles=max(CYCLES), tol=tol, progress=progress))
+            options = {"cycles": max(CYCLES), "tol": tol, "noise_replacement": "white"}
+            densities.append(solve_fpk(_varied(scene, e, OURS), **options, progress=progress))
     replacements = [density.noise_replacement for density in densities[:1]]
     values = {
         "scene": scene.to_toml(),

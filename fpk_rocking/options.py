@@ -70,8 +70,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
 --bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
                         for a pulse or a record, and with inf: any)
---noise-replacement NAME  what replaces band noise in the density solver: white (default), exponential or filtered,
-                        which let blocks rest, or auto, the fastest whose estimated error is within --tol
+--noise-replacement NAME  what replaces band noise in the density solver: white, exponential or filtered, which let
+                        blocks rest, or auto (default), the fastest of them whose estimated error is within --tol
 --no-check              where the density solver replaces noise, do not sample the noise of the scene beside it
 --realizations N:int    number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing
                         is random)

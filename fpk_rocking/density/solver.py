@@ -5,6 +5,7 @@ import math
 import sys
 import time
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress, not_none
 from fpk_rocking.base.precompilation import Compilation, mark_announced, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
-from fpk_rocking.density.filter_nodes import filtered_discretization
+from fpk_rocking.density.filter_nodes import FilteredDiscretization, filtered_discretization
 from fpk_rocking.density.filtered import REST, FilteredPropagator
 from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
@@ -30,6 +31,7 @@ from fpk_rocking.density.resolution import (
     RESOLUTIONS,
     USUAL,
     Discretization,
+    StateRange,
     bins_tolerance,
     cycle_of,
     explore,
@@ -61,7 +63,7 @@ def solve_fpk(
     samples_per_cycle: int | None = None,
     tol: float | None = None,
     bins_tol: float | None = None,
-    noise_replacement: str = "white",
+    noise_replacement: str = "auto",
     progress: Progress | None = None,
 ) -> Evolution:
     """Solve the Fokker-Planck equation of a scene for the joint density of angle and velocity.
@@ -88,11 +90,11 @@ def solve_fpk(
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
         With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the
         verdict only.
-    noise_replacement : {"white", "exponential", "filtered", "auto"}
+    noise_replacement : {"auto", "white", "exponential", "filtered"}
         What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
-        exponential or low-pass noise of equal variance and Melnikov variance, under which blocks do. "auto" takes the
-        fastest of these whose estimated error is within `tol`, else the most accurate, and adds what finitely many
-        independent harmonics change (`density.replacing`).
+        exponential or low-pass noise of equal variance and Melnikov variance, under which blocks do. By default the
+        fastest of these whose estimated error is within `tol`, else the most accurate, together with what finitely many
+        independent harmonics change (`density.replacing`); where the scene does not repeat, white noise.
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows with every refinement.
 
@@ -122,20 +124,10 @@ def solve_fpk(
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
     replaced, choice = _with_noise_replaced(scene, noise_replacement, times, tol)
     advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"
-    # Meshes, steps and thresholds go by D: it is that of the noise at its peak.
-    white = _at_unit_peak(replaced.white_equivalent())
-    solved = replaced if filtered else white
     start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
-
-    motion = explore(white, times)
+    solved, motion, coarser, meshes = _planned(replaced, times, tol)
     # The factor of the last difference of the bins is held against true errors where white noise and cycles are.
-    calibrated = solved.repeats and not filtered
-    early = calibrated and motion.standing >= TUNING.mostly_standing
-    meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered, early))
-    first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered, early))
-    coarser, meshes = meshes[:first], meshes[first:]
-    usual, count = meshes[SOLUTIONS - 1], ProgressCount(progress, advances)
-    refuse_large(usual.memory, usual.stored(advances), solved, advances)
+    calibrated, count = solved.repeats and not filtered, ProgressCount(progress, advances)
     announce(solved, meshes[:SOLUTIONS], times, tol)
 
     def solve(mesh, coarser):
@@ -198,19 +190,40 @@ def solve_fpk(
     return result
 
 
+class Plan(NamedTuple):
+    """What is solved: a scene, how far it moves, meshes whose solutions only start others, and those of the ladder."""
+
+    scene: Scene
+    motion: StateRange
+    coarser: list[Discretization | FilteredDiscretization]
+    meshes: list[Discretization | FilteredDiscretization]
+
+
+def _planned(replaced, times, tol):
+    """Return the `Plan` for a scene with white or filtered noise; ValueError if it cannot be solved."""
+    _refuse(replaced)
+    filtered = replaced.noise.kind == "filtered"
+    # Meshes, steps and thresholds go by D: it is that of the noise at its peak.
+    white = _at_unit_peak(replaced.white_equivalent())
+    solved = replaced if filtered else white
+    motion = explore(white, times)
+    early = solved.repeats and not filtered and motion.standing >= TUNING.mostly_standing
+    meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered, early))
+    first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered, early))
+    plan = Plan(solved, motion, meshes[:first], meshes[first:])
+    usual, advances = plan.meshes[SOLUTIONS - 1], len(times) - 1
+    refuse_large(usual.memory, usual.stored(advances), solved, advances)
+    return plan
+
+
 def predicted_seconds(
     scene: Scene, *, tol: float, cycles: int | None = None, times: ArrayLike | None = None
 ) -> list[float]:
     """Predict the seconds of one processor that each solution of `solve_fpk` takes, to about a factor of two."""
-    refuse_unsolvable(scene)
     rows = result_times(scene, cycles, times)
-    motion = explore(scene, rows)
-    early = scene.repeats and motion.standing >= TUNING.mostly_standing
-    resolutions, later = (resolutions_for(tol, SOLUTIONS - k, early=early) for k in (0, 1))
-    meshes = _discretizations(scene, scene, motion, resolutions)
-    first = len(meshes) - len(later)
-    third = meshes[0] if first else meshes[SOLUTIONS - 1]
-    return [estimated_seconds(scene, mesh, rows) for mesh in (*meshes[first : first + SOLUTIONS - 1], third)]
+    plan = _planned(scene, rows, tol)
+    third = plan.coarser[0] if plan.coarser else plan.meshes[SOLUTIONS - 1]
+    return [estimated_seconds(scene, mesh, rows) for mesh in (*plan.meshes[: SOLUTIONS - 1], third)]
 
 
 def _tolerances(scene, tol, bins_tol):
@@ -232,10 +245,12 @@ def _with_noise_replaced(scene, noise_replacement, times, tol):
         raise ValueError(checks.refusal("noise_replacement", noise_replacement, accepted))
     chosen = noise_replacement == "auto" and scene.repeats and scene.noise.kind == "band" and scene.noise.variance > 0.0
     if not chosen:
-        replaced = replaced_scene(scene, "white" if noise_replacement == "auto" else noise_replacement)
-        _refuse(replaced)
-        return replaced, None
-    choice = choose(scene, tol, lambda white: _solve_coarsely(white, round(times[-1] / white.period)), _refuse)
+        return replaced_scene(scene, "white" if noise_replacement == "auto" else noise_replacement), None
+
+    def solve(white):
+        return _solve_coarsely(white, round(times[-1] / white.period))
+
+    choice = choose(scene, tol, solve, lambda replaced: _planned(replaced, times, tol))
     return choice.scene, choice
 
 

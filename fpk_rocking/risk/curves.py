@@ -630,7 +630,8 @@ def _engine(engine, scenes):
 def _options(engine, scenes, lasting, realizations, tol):
     """Return (options, realizations): a dict of options of the task, and the size of a sample, 0 for a density."""
     if engine == "density":
-        return lasting | {"tol": tol}, 0
+        # One noise at all scales, or the curve would have steps.
+        return lasting | {"tol": tol, "noise_replacement": "white"}, 0
     realizations = checks.count("realizations", realizations)
     realizations = 1 if all(scene.deterministic for scene in scenes) else realizations
     return lasting | {"realizations": realizations, "method": engine}, realizations

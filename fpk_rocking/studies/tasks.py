@@ -55,7 +55,8 @@ def kernels_of(task: Callable[..., Any], scenes: Iterable[Scene], options: dict[
         if task is mc:
             names.update(compilation_of(engine, scene) for engine in engines_for(scene, options.get("method"))[:1])
         elif task is fpk:
-            filtered = scene.noise.kind == "filtered" or options.get("noise_replacement", "white") != "white"
+            replaced = scene.noise.kind == "band" and options.get("noise_replacement") != "white"
+            filtered = replaced or scene.noise.kind == "filtered"
             tables = [DENSITY] + [REST] * filtered
             names.update(table[kind_of(scene.block)] for table in tables)
     return sorted(names)

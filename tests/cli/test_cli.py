@@ -70,7 +70,7 @@ def test_noise_that_was_replaced_is_sampled_beside_the_density():
         assert text.format(2) in " ".join(out.split())
     _, out, _ = run("compare", MAIN, "--realizations", 40_000, "--seed", 5, "--method", "exact", *COARSE)
     assert text.format(5) in " ".join(out.split())
-    _, out, _ = run("fpk", MAIN, "--no-check", *COARSE)
+    _, out, _ = run("fpk", MAIN, "--no-check", "--noise-replacement", "white", *COARSE)
     assert "trust: caution. Replaced, not checked" in out
 
 
@@ -98,7 +98,7 @@ def test_a_tally_is_made_in_place_of_an_ensemble(tmp_path):
 
 
 def test_defaults(tmp_path):
-    assert run("compare", MAIN, "--no-check", "--out", tmp_path)[0] == 0
+    assert run("compare", MAIN, "--no-check", "--noise-replacement", "white", "--out", tmp_path)[0] == 0
     solved, sample = Evolution.load(tmp_path / "density.npz"), Ensemble.load(tmp_path / "ensemble.npz")
     assert (solved.cycles, solved.tol, solved.scene) == (40, 1e-3, SCENE)
     assert (sample.cycles, sample.realizations, sample.seed, sample.method) == (40, 10_000, 1, "exact")

@@ -20,6 +20,7 @@ PERIODIC = Scene(Block(0.5), Harmonic(5.2, 2.7, math.pi), BandNoise(0.09, (0.0, 
 ENDING = Scene(Block(0.8), Pulse("one-sine", 2.0, 2.5), WhiteNoise(0.03))
 SAMPLED = {"cycles": 2, "realizations": 200, "seed": 1, "method": "rk4", "steps_per_cycle": 40}
 SOLVED = {"cycles": 1, "tol": 0.03, "bins_tol": math.inf}
+WHITE = SOLVED | {"noise_replacement": "white"}
 SCALED = {"scales": "0.9,1.1", "cycles": 3, "realizations": 200, "seed": 1}
 ELSEWHERE = {"help", "version", "out", "report", "json", "checkpoint"}
 """Options that test_cli.py, test_report.py and test_checkpoint.py try."""
@@ -130,12 +131,12 @@ def test_times_and_tallies(run):
 
 @pytest.fixture(scope="module")
 def solved():
-    return solve_fpk(PERIODIC, **SOLVED)
+    return solve_fpk(PERIODIC, **WHITE)
 
 
 def test_the_check_of_replaced_noise_can_be_left_out(run, solved):
     """The density that is saved is that of the call, whose tolerances and cycles test_cli.py follows."""
-    (checked, _), (plain, file) = (run("fpk", PERIODIC, **SOLVED, **option) for option in ({}, {"no_check": True}))
+    (checked, _), (plain, file) = (run("fpk", PERIODIC, **WHITE, **option) for option in ({}, {"no_check": True}))
     assert np.array_equal(Evolution.load(file).coefficients, solved.coefficients)
     assert checked["survival"] == plain["survival"]
     assert checked["replacement"]["difference"][1][0] != 0.0
@@ -158,7 +159,7 @@ def test_times_reach_the_solver(run):
 def test_options_of_both_engines(run, solved):
     """Each engine gets its own, and both get the cycles."""
     both = {"cycles": 1, "seed": 7}
-    values, _ = run("compare", PERIODIC, **SAMPLED | SOLVED | both)
+    values, _ = run("compare", PERIODIC, **SAMPLED | WHITE | both)
     direct = compare(simulate(PERIODIC, **SAMPLED | both), solved)
     assert values["survival"] == direct.survival.tolist()
     assert values["l1"] == direct.l1.tolist()

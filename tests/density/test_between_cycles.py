@@ -22,12 +22,12 @@ SCENE, CYCLES, SAMPLES, PATHS = load_scene("main"), 4, 5, 20_000
 
 @pytest.fixture(scope="module")
 def whole():
-    return solve_fpk(SCENE, cycles=CYCLES, tol=1e-2)
+    return solve_fpk(SCENE, cycles=CYCLES, tol=1e-2, noise_replacement="white")
 
 
 @pytest.fixture(scope="module")
 def between():
-    return solve_fpk(SCENE, cycles=CYCLES, samples_per_cycle=SAMPLES, tol=1e-2)
+    return solve_fpk(SCENE, cycles=CYCLES, samples_per_cycle=SAMPLES, tol=1e-2, noise_replacement="white")
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ def test_a_density_near_rest_is_within_small_angles_and_velocities(start, first)
 
 @pytest.fixture(scope="module")
 def band():
-    return solve_fpk(MAIN, cycles=2, tol=1e-2)
+    return solve_fpk(MAIN, cycles=2, tol=1e-2, noise_replacement="white")
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_refuses_what_has_no_density():
         with pytest.raises(
             ValueError, match=r"block\.restitution: got 0\..*, accepted: above 0\.16303 under white noise"
         ):
-            solve_fpk(scene, cycles=1)
+            solve_fpk(scene, cycles=1, noise_replacement="white")
     for noise in (NoNoise(), WhiteNoise(0.0)):
         with pytest.raises(ValueError, match=r"noise: got .*, accepted: noise of a variance or diffusion above 0"):
             solve_fpk(dataclasses.replace(MAIN, noise=noise), cycles=1)

@@ -50,12 +50,12 @@ def linear(scene):
 def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate():
     white = 0.2 * math.log(MAIN.white_equivalent().noise.diffusion / forgetful_diffusion(MAIN.noise))
     assert white > 0.0  # the white noise is stronger for a block that forgets
-    chosen = {tol: replacing.choose(MAIN, tol, linear, lambda _: None) for tol in (2 * white, 0.7 * white, 1e-6)}
+    chosen = {tol: replacing.choose(MAIN, tol, linear, lambda _: None) for tol in (3 * white, 0.7 * white, 1e-6)}
     assert [choice.name for choice in chosen.values()] == ["white", "filtered", "filtered"]
-    assert chosen[2 * white].error == pytest.approx(white, rel=1e-9)
+    assert chosen[3 * white].error == pytest.approx(2 * white, rel=1e-9)
     assert chosen[1e-6].error == chosen[0.7 * white].error < 0.3 * white
     assert chosen[1e-6].scene == MAIN.filtered_equivalent()
-    assert chosen[2 * white].reason.startswith("white noise is the fastest within")
+    assert chosen[3 * white].reason.startswith("white noise is the fastest within")
     assert "the most accurate, as none is within 1e-06" in chosen[1e-6].reason
 
     def refuses(scene):
@@ -63,20 +63,25 @@ def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate(
             raise ValueError
 
     assert replacing.choose(MAIN, 1e-6, linear, refuses).name == "white"
-    resting = replacing.choose(MAIN, 2 * white, lambda scene: (linear(scene)[0], 1.5 * white), lambda _: None)
+    assert "exponential refused, filtered refused" in replacing.choose(MAIN, 1e-6, linear, refuses).reason
+    overturned = 1.0 - linear(MAIN.white_equivalent())[0][-1, 0]
+    part = 1.5 * white / overturned
+    resting = replacing.choose(MAIN, 3 * white, lambda scene: (linear(scene)[0], part), lambda _: None)
     assert resting.name == "exponential"
-    assert resting.errors["white"] == pytest.approx(2.5 * white)
+    assert resting.errors["white"] == pytest.approx(3.5 * white)
     assert resting.error == pytest.approx(1.3 * white, rel=0.1)
+    assert "filtered" not in resting.errors
 
 
 def test_white_noise_is_not_enough_for_a_block_that_the_band_leaves_at_rest():
-    """Measured by 200,000 paths: white noise errs by .0244 after 4 cycles; 13 % of the blocks are at rest at first."""
+    """13 % of the blocks are at rest at first, and overturn no more often than all."""
     noise = BandNoise(0.203**2, (0.0, 26.19), 100, frequencies="stratified")
     scene = MAIN.varied(forcing={"amplitude": 1.23, "frequency": 2.746, "phase": 0.0}, noise=noise)
     choice = replacing.choose(scene, 0.02, linear, lambda _: None)
     assert choice.name != "white"
-    assert choice.errors["white"] == pytest.approx(0.13, abs=0.02)
-    assert 0.0027 < choice.errors["filtered"] < choice.errors["exponential"] < 0.05
+    overturned = 1.0 - linear(scene.white_equivalent())[0][-1, 0]
+    assert choice.errors["white"] == pytest.approx(0.13 * overturned, abs=0.01)
+    assert choice.errors["exponential"] < 0.02
     moving = scene.varied(start=Start(0.0, 0.5))
     assert replacing.choose(moving, 0.02, linear, lambda _: None).name == "white"
 
@@ -119,14 +124,13 @@ def test_what_few_harmonics_change_is_in_the_density():
     strong = BandNoise(0.34**2, (0.0, 8.9), 100, frequencies="stratified")
     strong = MAIN.varied(block={"restitution": 0.47}, forcing={"amplitude": 2.07, "frequency": 2.37}, noise=strong)
     scenes = (
-        (STRATIFIED, 10, 3e-2, 0.4765, 50, 0.48519, 0.0035),  # .4765: stratified, 2·10⁶ paths
-        (strong, 20, 5e-2, 0.35441, 20, 0.43370, 0.005),
+        (STRATIFIED, 10, 5e-2, 0.4765, 50, 0.48519, 0.0035),  # .4765: stratified, 2·10⁶ paths
+        (strong, 20, 0.1, 0.35441, 20, 0.43370, 0.005),
     )
     for scene, cycles, tol, stratified, harmonics, sampled, within in scenes:
-        usual = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=np.inf).survival[cycles]
+        usual = solve_fpk(scene, cycles=cycles, tol=tol, bins_tol=np.inf, noise_replacement="white").survival[cycles]
         noise = dataclasses.replace(scene.noise, harmonics=harmonics, frequencies="independent")
-        options = {"tol": tol, "bins_tol": np.inf, "noise_replacement": "auto"}
-        density = solve_fpk(scene.varied(noise=noise), cycles=cycles, **options)
+        density = solve_fpk(scene.varied(noise=noise), cycles=cycles, tol=tol, bins_tol=np.inf)
         assert density.settings["replacement"]["choice"].startswith("white noise is the fastest within")
         assert density.survival[cycles] - usual == pytest.approx(sampled - stratified, abs=within)
         assert abs(density.survival[cycles] - sampled) < density.total_error[cycles, 0] - 3.0 * 0.0011
@@ -135,7 +139,8 @@ def test_what_few_harmonics_change_is_in_the_density():
         assert bins.sum() == pytest.approx(density.survival[cycles], abs=1e-10)
         scatter = density.settings["replacement"]["scatter"]
         assert f"Realizations differ in strength by {scatter:.2g}" in " ".join(density.remarks)
-        assert density.trust.verdict == ("ok" if density.total_error.max() <= tol else "caution")
+        total = density.total_error.max()
+        assert density.trust.verdict == ("ok" if total <= tol else "caution" if total <= 0.1 else "do not use")
         assert not any("not checked" in reason for reason in density.trust.reasons)
 
 
@@ -143,7 +148,7 @@ def test_what_few_harmonics_change_is_in_the_density():
 def test_no_replacement_is_ok_for_a_band_that_leaves_out_the_frequencies_of_the_block(band, sigma, monkeypatch):
     monkeypatch.setattr(replacing, "REPLACEMENTS", ("white",))  # filtered noise takes long
     noise = BandNoise(sigma**2, band, 100, frequencies="stratified")
-    density = solve_fpk(MAIN.varied(noise=noise), cycles=10, tol=1e-2, bins_tol=np.inf, noise_replacement="auto")
+    density = solve_fpk(MAIN.varied(noise=noise), cycles=10, tol=1e-2, bins_tol=np.inf)
     # Survival of 200,000 paths, exact, seed 99.
     sampled = {1.0: 0.667, 2.0: 0.922, 4.0: 0.86274}[band[0]]
     assert abs(density.survival[10] - sampled) < density.total_error[10, 0]
@@ -152,6 +157,6 @@ def test_no_replacement_is_ok_for_a_band_that_leaves_out_the_frequencies_of_the_
 
 def test_what_needs_no_choice_is_solved_as_it_is():
     white = MAIN.white_equivalent().varied(start=Start(0.0, 0.0, ((0.01, 0.0), (0.0, 0.01))))
-    density = solve_fpk(white, cycles=1, tol=1e-2, noise_replacement="auto")
+    density = solve_fpk(white, cycles=1, tol=1e-2)
     assert "replacement" not in density.settings
     assert density.neglected_error == 0.0

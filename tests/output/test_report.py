@@ -251,7 +251,7 @@ def test_commands_write_it_and_tell_its_size(command, tmp_path):
     scene, path = tmp_path / "scene.toml", tmp_path / "new" / "out.html"
     scene.write_text(MAIN.to_toml(), encoding="utf-8")
     sampled = ["--realizations", "2000", "--method", "rk4"] if command != "fpk" else []
-    solved = ["--tol", "1e-2", "--no-check"] if command != "mc" else []
+    solved = ["--tol", "1e-2", "--no-check", "--noise-replacement", "white"] if command != "mc" else []
     status, out, err = run(command, scene, "--cycles", "8", *sampled, *solved, "--report", path, "--json")
     assert status == 0
     page = Page(path.read_text(encoding="utf-8"))

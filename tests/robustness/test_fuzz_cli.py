@@ -66,7 +66,7 @@ def solve_fpk(
     samples_per_cycle=None,
     tol=1e-3,  # noqa: ARG001
     bins_tol=None,  # noqa: ARG001
-    noise_replacement="white",  # noqa: ARG001
+    noise_replacement="auto",  # noqa: ARG001
     progress=None,  # noqa: ARG001
 ):
     """Refuse what the solver refuses, and return a result of a known law."""

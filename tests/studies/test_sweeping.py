@@ -92,7 +92,7 @@ def test_kernels_are_compiled_before_workers_start(monkeypatch):
 
 def test_kernels_are_those_of_the_engines_that_will_run():
     """Noise with an envelope has an engine of its own, and a density with filter states needs more kernels."""
-    white = SCENE.varied(noise=WhiteNoise(0.01))
+    white, band = SCENE.varied(noise=WhiteNoise(0.01)), SCENE.varied(noise=BandNoise(0.04, (0.0, 10.0), 4))
     filtered = SCENE.varied(noise=FilteredNoise("low-pass", 0.04, 9.0, 0.7))
     faded = SCENE.varied(noise=BandNoise(0.04, (0.0, 10.0), 4, envelope=Trapezoid(1.0, 1.0, 1.0)))
 
@@ -107,9 +107,10 @@ def test_kernels_are_those_of_the_engines_that_will_run():
     assert kernels("mc", faded) == ["exact_enveloped"]
     assert kernels("mc", faded, SCENE, method="rk4") == ["rk4"]
     assert kernels("mc", white, method="rk4") == []
-    assert kernels("fpk", SCENE, white) == ["density"]
+    assert kernels("fpk", white) == ["density"]
     assert kernels("fpk", filtered) == ["density", "rest"]
-    assert kernels("fpk", SCENE, noise_replacement="filtered") == ["density", "rest"]
+    assert kernels("fpk", band) == ["density", "rest"]
+    assert kernels("fpk", band, noise_replacement="white") == ["density"]
 
 
 def test_grid_has_its_last_axis_fastest():
