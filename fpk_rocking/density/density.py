@@ -76,9 +76,9 @@ class Density(PlaneFunction):
     >>> from fpk_rocking import load_scene, solve_fpk
     >>> density = solve_fpk(load_scene("main"), cycles=4, tol=1e-2).at(4)
     >>> print(density(-0.2, [0.8, 0.9, 1.0]).round(1), density.mean.round(2))
-    [0.5 2.  2.4] [-0.31  0.5 ]
+    [0.5 2.1 2.6] [-0.29  0.5 ]
     >>> print(f"{density.integral(lambda angle, velocity: angle**2):.2f}")
-    0.32
+    0.31
     """
 
     def __repr__(self) -> str:

@@ -37,7 +37,7 @@ class Replacement:
     >>> from fpk_rocking.studies import checked
     >>> density = checked(solve_fpk(load_scene("main"), cycles=4, tol=1e-2), realizations=1000)
     >>> print(density.replacement.difference[4].round(2), density.replacement.sampling_error[4].round(2))
-    [ 0.01  0.   -0.01] [0.02 0.01 0.02]
+    [ 0.    0.   -0.01] [0.02 0.01 0.02]
     """
 
     difference: Annotated[Array, "f8 time 3"]
