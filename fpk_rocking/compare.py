@@ -46,7 +46,8 @@ class Comparison(Result):
     interval : ndarray, shape (n+1, 2, 2)
         95 % confidence limits, indexed [cycle, result, limit]; nan for what is no sample.
     error_estimate : ndarray, shape (2,)
-        Estimated error of survival of a density; nan for a sample.
+        Estimated error of survival of a density, with that of a replacement of its noise where it is estimated; nan for
+        a sample.
     difference, standard_error, z : ndarray, shape (n+1,)
         Survival of the first result minus that of the second; its standard error if both had the same distribution, 0
         where neither is a sample; and the one over the other, nan where neither is a sample.
@@ -277,7 +278,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
         interval=np.stack(
             [unknown if result.interval is None else rows(result, result.interval) for result in results], 1
         ),
-        error_estimate=np.array([float(getattr(result, "error_estimate", math.nan)) for result in results]),
+        error_estimate=np.array([_stated_error(result) for result in results]),
         difference=difference,
         standard_error=standard_error,
         z=z,
@@ -311,6 +312,11 @@ def _refuse_other_scenes(first, second):
                 f"{name}: got {in_first} in the first result and {in_second} in the second, "
                 "accepted: two results whose scenes differ in the noise alone"
             )
+
+
+def _stated_error(result):
+    """Estimated error of survival of a density, nan of a sample."""
+    return float(getattr(result, "error_estimate", math.nan)) + (getattr(result, "neglected_error", None) or 0.0)
 
 
 def _bin_distances(results, sizes, cycle, edges):

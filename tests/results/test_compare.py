@@ -135,6 +135,17 @@ def test_two_densities_have_no_sampling_error():
     assert compared.error_estimate.tolist() == [1e-4, 1e-4]
 
 
+def test_what_a_replacement_of_noise_is_estimated_to_neglect_is_accepted():
+    known = fakes.FakeEvolution(MAIN, settings={"replacement": {"error": 0.006}})
+    other = fakes.FakeEvolution(MAIN.white_equivalent(), survival=known.survival + 0.004)
+    accepted = compare(known, other)
+    assert accepted.error_estimate.tolist() == pytest.approx([0.0061, 1e-4])
+    assert accepted.trust.verdict == "ok"
+    assert "the estimated errors of the densities, 0.0062" in accepted.trust.reasons[0]
+    alone = compare(fakes.FakeEvolution(MAIN.white_equivalent()), other)
+    assert "more than the 0.0002 accepted there" in " ".join(alone.trust.reasons)
+
+
 def test_common_cycles_and_leakage():
     first, second = fakes.FakeEvolution(MAIN, cycles=4), fakes.FakeEnsemble(MAIN, cycles=9)
     compared = compare(first, second)
