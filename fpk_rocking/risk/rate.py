@@ -120,7 +120,7 @@ class Risk(Result):
 
         Above .05 there is caution if the rate depends on them. Above .5 it is made of an extrapolation and not
         to be used: for the hazard, if `by_other_slopes` differ by more than a factor of 7, or another unit of its
-        intensities would fit. A rejected fit, and a rate outside the limits of the lognormal curve, are cautions, too.
+        intensities would fit. A rejected fit, and another rate by the curve in files, are cautions, too.
         """
         against, share = list(self.curve.fit_diagnostics), self.beyond_hazard
         parts = "{:.0f} % of the rate comes from intensities beyond the points of "

@@ -18,6 +18,7 @@ from fpk_rocking import (
     WhiteNoise,
     solve_fpk,
 )
+from fpk_rocking.physics.motion.equation import KernelBlock, Weight, acceleration_bounds
 from fpk_rocking.physics.motion.floor import contact_forces as forces_at
 from fpk_rocking.risk import critical_intensities, fragility
 from fpk_rocking.studies import scaled
@@ -149,6 +150,29 @@ def test_contact_forces_have_the_weight():
     heights = 0.75 * np.cos(alpha * (1.0 - angles))  # p² R/g = 3/4
     normal = weight + (heights[0] - 2.0 * heights[1] + heights[2]) / step**2
     assert forces_at(angle, speed, force, alpha, weight=weight)[1] == pytest.approx(normal, abs=1e-5)
+    # A block that rests lifts off at once where the force exceeds the slenderness times the weight.
+    level = math.tan(alpha) / alpha
+    for weight, part, rests in ((0.8, 0.9, False), (0.8, 0.7, True), (1.2, 1.1, True), (1.2, 1.3, False)):
+        for side in (-1, 1):
+            pair = forces_at(0.0, 0.0, side * part * level, alpha, weight=weight)
+            assert np.allclose(pair, [-alpha * side * part * level, weight], rtol=1e-12) == rests
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+def test_bounds_of_the_acceleration_hold_for_all_weights_of_a_segment(side):
+    """By the equation, at angles up to the cut-off, under forces and weights within their bounds; each is needed."""
+    alpha, low, high, sway = 0.3, -0.7, 0.5, 0.4
+    bounds = acceleration_bounds(side, low, high, KernelBlock(0.9, 1.5, alpha, None, Weight(1.1, 0.0, sway)))
+    angle, force, weight = np.meshgrid(np.linspace(0.0, 1.5, 301), side * np.array([low, high]), [1 - sway, 1 + sway])
+    turn = alpha * (1.0 - angle)
+    moved = force * np.cos(turn) - weight * np.sin(turn) / alpha
+    assert -bounds[0] <= moved.min() < 0.8 * -bounds[0]
+    assert 0.8 * bounds[1] < moved.max() <= bounds[1]
+
+
+def test_a_vertical_motion_counts_in_parts_of_the_gravity_of_the_block():
+    moon = under(record(upward()), block={"dimensions": Dimensions(0.5, 1.8, 1.62)})
+    assert moon.forcing.swaying == pytest.approx(1.5 * UP / 1.62, rel=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -244,7 +244,11 @@ def test_a_record_that_ends_at_rest_does_not_drift():
 def test_what_is_hardly_an_acceleration_in_any_unit_is_told():
     shape = np.sin(0.2 * np.arange(400)) * np.hanning(400)
     for samples, units, says in (
-        (3100.0 * shape, "cm/s2", "3.2 g): is its unit cm/s2, or are its numbers, up to 3090, counts?"),
+        (
+            3100.0 * shape,
+            "cm/s2",
+            "is its unit cm/s2, or are its numbers, up to 3090, counts? A unit is given by units (--",
+        ),
         (0.9 * shape, "cm/s2", "is its unit cm/s2"),
         (31.0 * shape, "g/10", "is its unit g/10"),
         (np.round(2000.0 * shape), "cm/s2", "The samples of own.txt are whole numbers: are they counts of a recorder?"),

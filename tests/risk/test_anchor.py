@@ -10,6 +10,7 @@ from scipy import optimize, stats
 from suites import SIZE, record, searched
 
 from fpk_rocking import Block, Body, Dimensions, NoNoise, Record, Scene, cli
+from fpk_rocking.results.trust import UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, study
 from fpk_rocking.risk.anchor import hold, lift_off_g
 from fpk_rocking.risk.lognormal import LognormalFit
@@ -141,11 +142,12 @@ def test_a_block_that_slides_before_it_rocks_is_not_to_be_used(found):
     """Width over height .3; the option of the command line is the parameter of the study."""
     for friction, told in ((0.29, True), (0.31, False), (None, False)):
         judged = dataclasses.replace(found, friction=friction)
-        severe = [one.message for one in judged.diagnostics if one.name == "friction"]
+        severe = [one for one in judged.diagnostics if one.name == "friction"]
         assert len(severe) == told
         if told:
             assert judged.trust.verdict == "do not use"
-            assert severe[0].startswith(
+            assert severe[0].severity == UNUSABLE
+            assert severe[0].message.startswith(
                 "With a coefficient of friction of 0.29, below 0.3, the block slides before it rocks"
             )
     with pytest.raises(ValueError, match="friction: got -1"):
