@@ -8,6 +8,7 @@ import pathlib
 
 import numpy as np
 import pytest
+from scripts import benchmark
 from suites import SIZE, record
 from test_spectra import oscillator
 
@@ -317,3 +318,17 @@ def test_rank_correlations_are_those_of_own_intensity_and_critical_factor():
     assert mixed.rank_correlation["PGA"] == pytest.approx(np.corrcoef(own, factor)[0, 1])
     assert list(mixed.rank_correlation.values()) == sorted(mixed.rank_correlation.values())
     assert math.isfinite(mixed.rank_correlation["PGV"])
+
+
+def test_the_page_of_limits_on_a_floor_quotes_the_figures():
+    """Of a block that withstands 1.3 times as much under all motions, of which half overturn it in two intervals."""
+    script, rng = benchmark("floor_limits"), np.random.default_rng(3)
+    jumps = 0.5 * np.exp(0.3 * rng.standard_normal(40))[:, None] * [1.0, 1.1, 1.4]
+    jumps[::2, 1:] = np.nan
+    values = script.run([jumps, 1.3 * jumps], suites=4, sizes=(6,))
+    assert values["several intervals"] == [0.5, 0.5]
+    row = values["coverage"]["im^-2.5"]["6"]
+    assert row["ratio of medians"] == row["ratio of rates"] == 1.0
+    cells = script.page(values)["text"][-1].split("|")[3:-1]
+    names = "rate", "P", "ratio of medians", "ratio of rates", "fits rejected", "thresholds rejected"
+    assert [float(cell) for cell in cells] == [*(row[name] for name in names), row["ratio of rates, stated"]]

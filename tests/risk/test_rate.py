@@ -227,11 +227,15 @@ def test_limits_with_noise_are_of_the_rates_under_single_motions():
     risk = annual_frequency(dataclasses.replace(curve, by_points=True), law)
     assert np.exp(risk.capacities.middle) == pytest.approx(medians * math.exp(-(0.25**2)), rel=1e-3)
     assert risk.interval[0] < risk.rate < risk.interval[1]
-    # A motion that overturns nothing within the points is known to have its threshold above them.
-    shares[4] = 0.0
-    stands = annual_frequency(dataclasses.replace(curve, shares=shares, by_points=True), law)
-    assert stands.capacities.low[4] == pytest.approx(math.log(6.0), rel=1e-12)
-    assert np.isinf(stands.capacities.high[4])
+    # A motion that overturns nothing within the points, or little, is known to have its threshold above them.
+    for last in (0.0, 0.01):
+        shares[4] = np.where(fine < fine[-1], 0.0, last)
+        stands = annual_frequency(dataclasses.replace(curve, shares=shares, by_points=True), law)
+        assert stands.capacities.low[4] == pytest.approx(math.log(6.0), rel=1e-12)
+        assert np.isinf(stands.capacities.high[4])
+    # Such thresholds are not tested: they go with the fit.
+    rejected = dataclasses.replace(curve, fit=curve.fit._replace(p_value=0.01, misfit=0.2))
+    assert rejected.unless_rejected(stands.capacities) is None
 
 
 def test_where_nothing_overturns_the_upper_limits_are_above_zero():

@@ -136,6 +136,8 @@ def test_up_to_what_lifts_the_block_off_no_probability_and_no_limit_is_above_zer
     assert annual_frequency(free, dataclasses.replace(hazard, measure="PGV")).interval[1] > most
     low, high = result.at_asked["low"], result.at_asked["high"]
     assert (low.tolist()[:2], high[0], high[1] > 0.0) == ([0.0, 0.0], 0.0, True)
+    low, high = result.curve.limits(np.array([0.277, 0.278]))
+    assert (low[0], high[0], high[1] > 0.0) == (0.0, 0.0, True)
     assert "At PGA 0.277 g: P(overturned) 0 (95 %: 0 to 0" in result.text()
     # Neither other measures, nor the PGA of the ground below a floor, nor a vertical motion leave it known.
     assert math.isinf(stepped(5).curve.log_lift_off)
