@@ -119,6 +119,9 @@ def test_no_probability_of_the_curve_lies_below_its_own_lower_limit(found, tmp_p
                 float(row["lognormal_low"] or "nan") <= float(row["lognormal"]) <= float(row["lognormal_high"] or "nan")
             )
             assert of_fit == curve.fitted
+        # How little so many motions tell is by these limits, too.
+        (few,) = (one.value for one in curve.diagnostics if one.name == "few motions")
+        assert few == pytest.approx(0.5 * np.diff(curve.point_limits).max(), rel=1e-12)
     assert (found.curve.fitted, fitted.fitted) == (False, True)
 
 
