@@ -71,28 +71,39 @@ def choose(
     accepts : callable
         Raises ValueError for a scene that the solver does not take.
     """
-    white = scene.white_equivalent()
-    (usual, resting), errors, scenes, texts = solve(white), {}, {}, []
-    resting = min(resting + _left_at_rest(scene), 1.0)
+    white, scenes, refused = scene.white_equivalent(), {}, []
     for name in REPLACEMENTS:
         try:
-            replaced = replaced_scene(scene, name)
-            accepts(replaced)
+            scenes[name] = replaced_scene(scene, name)
+            accepts(scenes[name])
         except ValueError:
-            texts.append(f"{name} refused")
-            continue
+            refused.append(name)
+    if refused == [*REPLACEMENTS]:
+        accepts(white)
+    usual, resting = solve(white)
+    resting = min(resting + _left_at_rest(scene), 1.0)
+
+    def estimate(name, replaced):
         ratio = forgetful_diffusion(scene.noise) / forgetful_diffusion(replaced.noise)
         ratio = min(max(ratio, 1.0 / _WIDEST), _WIDEST)
         noise = dataclasses.replace(white.noise, diffusion=ratio * white.noise.diffusion)
         other = solve(dataclasses.replace(white, noise=noise))[0]
         overturned = 1.0 - float(min(usual[-1, 0], other[-1, 0]))
         parts = float(np.abs(other - usual).max()), resting * overturned
-        scenes[name], errors[name] = replaced, float(np.dot(_WEIGHTS[name], parts))
+        return float(np.dot(_WEIGHTS[name], parts))
+
+    errors, texts = {}, []
+    for name in REPLACEMENTS:
+        if name in refused:
+            texts.append(f"{name} refused")
+            continue
+        errors[name] = estimate(name, scenes[name])
+        if name == "exponential" and "filtered" in refused:
+            # Noise too slow for two states: what its memory changes is in no estimate, so it is no better than none.
+            errors[name] = max(errors[name], errors.get("white") or estimate("white", white))
         texts.append(f"{name} {errors[name]:.1g}")
         if errors[name] <= tol:
             break
-    if not scenes:
-        accepts(white)
     name = min(errors, key=lambda name: errors[name])
     why = f"the fastest within {tol:g}" if errors[name] <= tol else f"the most accurate, as none is within {tol:g}"
     return Choice(name, scenes[name], errors, f"{name} noise is {why} (estimated errors: {', '.join(texts)})")

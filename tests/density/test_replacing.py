@@ -64,6 +64,13 @@ def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate(
 
     assert replacing.choose(MAIN, 1e-6, linear, refuses).name == "white"
     assert "exponential refused, filtered refused" in replacing.choose(MAIN, 1e-6, linear, refuses).reason
+
+    def refuses_two_states(scene):
+        if scene.noise.kind == "filtered" and scene.noise.space.order == 2:
+            raise ValueError
+
+    slow = replacing.choose(MAIN, 1e-6, linear, refuses_two_states)
+    assert (slow.name, slow.errors["exponential"]) == ("white", slow.errors["white"])
     overturned = 1.0 - linear(MAIN.white_equivalent())[0][-1, 0]
     part = 1.5 * white / overturned
     resting = replacing.choose(MAIN, 3 * white, lambda scene: (linear(scene)[0], part), lambda _: None)
