@@ -2,7 +2,8 @@
 
 Suites of 5 to 30 motions are drawn from populations whose capacities are lognormal, with median .7, dispersion .4 from
 motion to motion, .25 from block to block (three blocks for each motion) and .25 by the noise, of which 50 paths are
-drawn at each of 10 intensities. The limits are those that `IntensityCurve` and `annual_frequency` state of a suite.
+drawn at each of 10 intensities, and of those that `study` adds until they move the rate by less than 1 %. The limits
+are those that `IntensityCurve` and `annual_frequency` state of a suite.
 
     python benchmarks/few_motions.py [FILE]
 
@@ -19,11 +20,13 @@ from scipy import special, stats
 from fpk_rocking import Scene
 from fpk_rocking.results.storage import plain, write_json
 from fpk_rocking.risk import Draws, Fragility, Hazard, IntensityCurve, annual_frequency
-from fpk_rocking.risk.lognormal import REJECTED
+from fpk_rocking.risk.lognormal import REJECTED, fit_lognormal
 from fpk_rocking.risk.search import MotionOutcomes, overturns
+from fpk_rocking.risk.study import with_added_intensities
 
 MEDIAN, RECORDS, BLOCKS, NOISE = 0.7, 0.4, 0.25, 0.25
 EXPONENT, HIGHEST, PATHS = 2.5, 0.85, 50
+HAZARD = Hazard.power_law(1.0, EXPONENT)
 GRID, POINTS = 0.175 * 2.0 ** (0.5 * np.arange(10)), np.array([0.35, 0.7, 1.4])
 LEAST, AGAIN = 0.93, 1000
 NAMES = ("median", "dispersion", "rate", *(f"P at {point:g}" for point in POINTS))
@@ -43,20 +46,38 @@ def suite(rng, motions, law=stats.norm, *, blocks=1, noise=0.0, highest=math.inf
     motion = np.repeat(np.arange(motions), blocks)
     logs = math.log(MEDIAN) + RECORDS * law.rvs(size=motions, random_state=rng)[motion]
     logs = logs + BLOCKS * (blocks > 1) * rng.standard_normal(motion.size)
-    scale = GRID[highest >= GRID]
+    scenes = (NOISY if noise else STILL,) * motion.size
+    draws = Draws(scenes, {}, tuple(motion.tolist())) if blocks > 1 else None
+
+    def found(scale, shares, outcomes=None):
+        unknown, trials = np.full_like(shares[:, None], math.nan), PATHS if noise else 1
+        return Fragility(
+            scenes, "scene", np.arange(motion.size), np.empty(0), scale, shares[:, None], unknown,
+            "exact", trials, True, {}, "", {}, 0.0, outcomes,
+        )  # fmt: skip
+
+    def sample(scale, _):
+        return found(scale, rng.binomial(PATHS, special.ndtr((np.log(scale) - logs[:, None]) / noise)) / PATHS)
+
+    def risk_of(fragility):
+        # What limits are made of takes most of the time, and the rate by points does not depend on it.
+        mean = fragility.probability[:, 0].mean(axis=0)
+        fit, rest = fit_lognormal(fragility.scale, mean), (np.full((mean.size, 2), math.nan), np.empty((0, 2)))
+        curve = IntensityCurve("overturned", "scale", fragility.scale, mean, rest[0], fit, rest[1], 1, by_points=True)
+        return annual_frequency(curve, HAZARD)
+
     if noise:
-        outcomes = None
-        shares = rng.binomial(PATHS, special.ndtr((np.log(scale) - logs[:, None]) / noise)) / PATHS
-    else:
-        jumps = np.where(np.exp(logs) < scale[-1], np.exp(logs), np.nan)[:, None]
-        outcomes = MotionOutcomes(jumps[:, None], *np.zeros((3, motion.size)))
-        shares = overturns(jumps, scale).astype(float)
-    scenes, unknown = (NOISY if noise else STILL,) * motion.size, np.full_like(shares[:, None], math.nan)
-    fragility = Fragility(
-        scenes, "scene", np.arange(motion.size), np.empty(0), scale, shares[:, None], unknown,
-        "exact", PATHS if noise else 1, True, {}, "", {}, 0.0, outcomes,
-    )  # fmt: skip
-    return fragility, Draws(scenes, {}, tuple(motion.tolist())) if blocks > 1 else None
+        return with_added_intensities(sample, risk_of, GRID)[0], draws
+    scale = GRID[highest >= GRID]
+    jumps = np.where(np.exp(logs) < scale[-1], np.exp(logs), np.nan)[:, None]
+    outcomes = MotionOutcomes(jumps[:, None], *np.zeros((3, motion.size)))
+    return found(scale, overturns(jumps, scale).astype(float), outcomes), draws
+
+
+def curve_of(fragility, draws, samples, seed=1):
+    """Return the `IntensityCurve` of a suite as `study` has it: with noise, rates are by its points."""
+    curve = IntensityCurve.of(fragility, "scale", draws=draws, samples=samples, seed=seed)
+    return dataclasses.replace(curve, by_points=fragility.motions is None)
 
 
 def coverage(motions, suites, seed, samples, first=0, **kind):
@@ -73,12 +94,11 @@ def coverage(motions, suites, seed, samples, first=0, **kind):
         number = first + row
         rng = np.random.default_rng([seed, motions, number])
         fragility, draws = suite(rng, motions, **kind)
-        curve = IntensityCurve.of(fragility, "scale", draws=draws, samples=samples, seed=number)
+        curve = curve_of(fragility, draws, samples, number)
         p_values[row] = curve.fit.p_value
         if curve.fit.reason:
             continue
-        curve = dataclasses.replace(curve, by_points="noise" in kind)
-        risk = annual_frequency(curve, Hazard.power_law(1.0, EXPONENT))
+        risk = annual_frequency(curve, HAZARD)
         limits[row, :3] = curve.fit.median_interval, curve.fit.dispersion_interval, risk.interval
         for place, point in enumerate(POINTS, 3):
             at = np.flatnonzero(np.isclose(curve.intensity, point))
@@ -122,7 +142,7 @@ def rejected(motions, suites, seed, law, **kind):
     values = []
     for number in range(suites):
         fragility, draws = suite(np.random.default_rng([seed, motions, number]), motions, law or _Groups, **kind)
-        values.append(IntensityCurve.of(fragility, "scale", draws=draws, samples=1, seed=number).fit.p_value)
+        values.append(curve_of(fragility, draws, 1, number).fit.p_value)
     return _share_rejected(np.array(values))
 
 
@@ -173,6 +193,7 @@ def page(values):
     method = (
         "Suites are drawn from populations of motions whose capacities are lognormal: median 0.7, dispersion 0.4 from "
         "motion to motion, 0.25 from block to block and 0.25 by the noise. The rate is that under a hazard im^-2.5. "
+        "With noise a suite has ten intensities, and those that `study` adds where the rate comes from. "
         f"Suites that determine no curve, up to {100.0 * lacking:.0f} %, are left out. Suites of one number share "
         "their random numbers, so that the shares of different outcomes deviate together."
     )
