@@ -426,7 +426,8 @@ def suite_fields(
     steps: tuple[Array, Array, float] | None,
 ) -> dict[str, Any]:
     """Return fields of an `IntensityCurve`, a dict, for a motion drawn from the population of those of m rows."""
-    mean, units = capacities.mean_of.T.dot(shares).mean(axis=0), capacities.mean_of.shape[1]
+    # Sums of weights may pass 1 by rounding.
+    mean, units = np.minimum(capacities.mean_of.T.dot(shares).mean(axis=0), 1.0), capacities.mean_of.shape[1]
     fields = {
         "probability": mean,
         "units": units,

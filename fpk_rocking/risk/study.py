@@ -190,7 +190,7 @@ class Study(Result):
             sentence = (
                 f"With a coefficient of friction of {self.friction:g}, below {least:.3g}, the block slides before it "
             )
-            against.append(Diagnostic(UNUSABLE, f"{sentence}rocks, and this is of one that rocks.", "friction"))
+            against.append(Diagnostic(UNUSABLE, f"{sentence}rocks. The answer is for one that rocks.", "friction"))
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
             if self.curve.units == 1 and len(self.curve.jumps):
@@ -314,6 +314,8 @@ class Study(Result):
         tied = "Forces of ties are static, at the largest peak acceleration of the motions, and hold for rigid ties. "
         tied += "If a tie stretches or has slack, the block begins to rock, and the force may be larger."
         text += "before it rocks; rocking needs somewhat more."
+        if self.friction is not None and self.friction >= not_none(friction):
+            text += f" With {self.friction:g} it lifts off; whether it slides while it rocks, `contact_forces` tells."
         text += " This, and forces of ties, are without the vertical motions." * self._lifted
         return [text, *[tied] * bool(self.asked.size)]
 

@@ -147,6 +147,7 @@ def test_a_block_that_slides_before_it_rocks_is_not_to_be_used(found):
         judged = dataclasses.replace(found, friction=friction)
         severe = [one for one in judged.diagnostics if one.name == "friction"]
         assert len(severe) == told
+        assert ("With 0.31 it lifts off" in judged.block_sentences[0]) == (friction == 0.31)
         if told:
             assert judged.trust.verdict == "do not use"
             assert severe[0].severity == UNUSABLE

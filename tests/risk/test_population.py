@@ -157,3 +157,11 @@ def test_what_is_no_suite_is_refused_by_name():
     assert curve.intensity == pytest.approx(np.delete(SCALES, 3), rel=1e-12)
     with pytest.raises(ValueError, match="got no scale at which all scenes have a probability"):
         IntensityCurve.of(suite(np.full(shares.shape, np.nan), equal, 100), "PGV")
+
+
+def test_a_mean_over_drawn_blocks_is_at_most_one():
+    """Or pelicun would refuse it. Weights of nine blocks of each of two motions have a sum of 1 + 2e-16."""
+    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))
+    draws = drawn([scene] * 2, {"block.restitution": "normal:0.9:0.01"}, 9)
+    overturned = dataclasses.replace(searched(np.log(np.linspace(0.6, 0.9, 18))), scenes=draws.scenes)
+    assert IntensityCurve.of(overturned, "PGV", draws=draws, samples=99).probability[-1] == 1.0
