@@ -281,7 +281,7 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    text = f"; under {far_always} of the {factor.size} it may still stand above that"
+    text = f"; {far_always} of the {factor.size} overturn it always only above {LARGEST_FACTOR:g} times"
     more = text * (far_always > far.size)
     sentence = (
         f"{far.size} of {factor.size} motions overturn the block first at more than {LARGEST_FACTOR:g} times their "

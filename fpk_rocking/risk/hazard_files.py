@@ -102,7 +102,7 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
         got = f"{measure} in no unit, up to {often[-1]:g} at {_MAPPED:g} a year"
         raise ReadingError(got, f"its unit in the name of the column, {accepted}")
     own = next(iter(units_of(measure))) if measure else "the unit of the curve"
-    note = f"Its file gives {measure or 'an intensity'} in {unit or f'no unit, read in {own},'} and {quantity}"
+    note = f"The hazard's file gives {measure or 'an intensity'} in {unit or f'no unit, read in {own},'} and {quantity}"
     note += f" in {years:g} year{'s' * (years != 1.0)}" * (quantity == "probabilities")
     # Curves of probabilities end at exactly 1, which no rate does twice.
     several = (rates == 1.0).sum() > 1 or re.search(r"investigation_time|\b(?!1\b)\d+[ -]*(?:years|yrs?)\b", comments)

@@ -361,7 +361,7 @@ class Study(Result):
             text = f"Lognormal: median {curve.measure} {fit.median:.4g} {curve.unit} [{low:.4g}, {high:.4g}], "
             text += f"dispersion {fit.dispersion:.3g}" + f", of which {curve.parts}" * bool(curve.parts)
             at = "all intensities" if curve.jumps.size else "these intensities"
-            misfit = f"curve and mean of the motions differ by up to {fit.misfit:.2g} at {at}"
+            misfit = f"curve and mean of the motions differ by {fit.misfit:.2g} at most, over {at}"
             if fit.rejected:
                 misfit += f": the fit is rejected ({fit.rejected}). {points}"
             elif math.isfinite(fit.p_value):
@@ -401,7 +401,7 @@ class Study(Result):
 
     def _ordered(self):
         """Return the rank correlations as a sentence in a list, empty for few motions."""
-        text = "Rank correlation with the factor at which a motion overturns the block (-1: it orders them all): "
+        text = "Rank correlation with the factor at which a motion overturns the block (-1: the measure orders all motions): "
         ranks = "; ".join(f"{name} {value:.2f}" for name, value in self.rank_correlation.items())
         return [f"{text}{ranks}."] * bool(ranks)
 

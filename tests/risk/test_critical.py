@@ -124,7 +124,7 @@ def test_a_large_factor_is_a_caution():
     assert caution.message.startswith("1 of 3 motions overturn the block first at more than 5 times their own strength")
     assert "up to 7.3 times. Common" in caution.message
     (caution,) = factor_diagnostics(np.array([0.5, 7.3, math.inf]), np.array([6.0, 9.0, math.inf]))
-    assert "up to 7.3 times; under 3 of the 3 it may still stand above that. Common" in caution.message
+    assert "up to 7.3 times; 3 of the 3 overturn it always only above 5 times. Common" in caution.message
 
 
 def test_files_hold_it(suite, tmp_path):

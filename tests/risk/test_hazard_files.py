@@ -75,7 +75,7 @@ def test_the_first_line_says_measure_and_unit(tmp_path, names, measure, factor):
     assert hazard.intensity == pytest.approx(LEVELS, rel=1e-9)
     assert hazard.rate == pytest.approx(LAW(LEVELS), rel=1e-12)
     unit = {"PGV": "m/s", "PFV": "m/s"}.get(measure, "g")
-    assert f"Its file gives {measure} in " in hazard.note
+    assert f"The hazard's file gives {measure} in " in hazard.note
     assert (f"no unit, read in {unit}," in hazard.note) == (names in ("PGA", "Sa (.75s)"))
 
 
@@ -120,9 +120,9 @@ def test_a_comment_may_name_the_columns_or_the_measure(tmp_path):
 def test_two_points_of_a_national_map(tmp_path):
     hazard = read(tmp_path, "return period (years);PGA (g)\n475;0,16\n2475;0,31\n")
     assert (hazard.intensity.tolist(), hazard.rate.tolist()) == ([0.16, 0.31], [1 / 475, 1 / 2475])
-    assert hazard.note == "Its file gives PGA in g and return periods."
+    assert hazard.note == "The hazard's file gives PGA in g and return periods."
     yearly = read(tmp_path, "PGA (g),annual probability\n0.16,2.1e-3\n0.31,4e-4\n")
-    assert yearly.note == "Its file gives PGA in g and probabilities in 1 year."
+    assert yearly.note == "The hazard's file gives PGA in g and probabilities in 1 year."
     rare = read(tmp_path, "PGA,annual rate\n0.5,1e-3\n4,1e-6\n")
     assert rare.intensity.tolist() == [0.5, 4.0]
 
@@ -144,7 +144,7 @@ def test_rates_that_look_like_probabilities_draw_a_question(tmp_path, comment, r
     rows = "".join(f"{0.1 * k},{rate}\n" for k, rate in enumerate(rates, 1))
     hazard = read(tmp_path, f"{comment}\nPGA (g),annual rate\n{rows}")
     question = " Are they not probabilities in several years?" * asked
-    assert hazard.note == f"Its file gives PGA in g and annual rates.{question}"
+    assert hazard.note == f"The hazard's file gives PGA in g and annual rates.{question}"
 
 
 NAMES = r"accepted: two numbers, or two names as in 'PGA \(g\),annual rate', 'PGV \(cm/s\),return period.* \(line 1\)"
