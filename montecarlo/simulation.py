@@ -53,8 +53,8 @@ def simulate(
     steps_per_cycle : int
         Time steps of "rk4" in a forcing cycle, a period of a pulse, or 2 units of time of a record; at least 8. No
         adapted step of "white" is shorter than a cycle over 256 times this number. "filtered" samples the noise at an
-        interval proportional to 1/`steps_per_cycle`: at 200 half of 1/(the rate of a low-pass filter), a quarter of
-        that of other filters. "exact" takes no steps.
+        interval proportional to 1/`steps_per_cycle`: at 200 steps .5/(rate of the filter) for a low-pass filter, for
+        others .25/(rate). "exact" takes no steps.
     samples_per_cycle : int, optional
         Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
         Paths of the method "white" depend on it too, though their probabilities do not.

@@ -54,15 +54,15 @@ class Evolution(SurvivalResult):
     error_estimate : float
         Estimate of the largest error of survival and of `overturned`, from three solutions of the scene.
     bins_error_estimate : float
-        That of the binned density, L1 over bins a twentieth of the range of motion, without the rows of
-        ``settings["unresolved"]`` (`unjudged`); 0 where these are all.
+        That of the binned density, L1 over bins a twentieth of the range of motion. Rows of ``settings["unresolved"]``
+        do not count (`unjudged`); 0 if no other row is left.
     rest_error_estimate : float
         That of `at_rest` under filtered noise, where it converges slowly (docs/numerics.md); 0 under white noise.
     mass_defect : float
         Largest |survival + overturned + truncated - 1|: 0 but for rounding.
     negative_mass, moving_negative_mass : float
-        Largest integral of max(-p, 0) of the density p, once the mesh resolves it, on the plane and without the region
-        of rest (`at_rest`). Solver and verdict judge by the second.
+        Largest integral of max(-p, 0) of the density p, once the mesh resolves it: the first on the plane, the second
+        without the region of rest (`at_rest`). Solver and verdict judge by the second.
     settings : dict
         Mesh, polynomial degree, quadrature and time steps.
     coefficients : ndarray, shape (rows, angle cells, velocity cells, degree + 1, degree + 1)
