@@ -401,7 +401,7 @@ class Study(Result):
 
     def _ordered(self):
         """Return the rank correlations as a sentence in a list, empty for few motions."""
-        text = "Rank correlation with the factor at which a motion overturns the block (-1: the measure orders all motions): "
+        text = "Rank correlation with the factor at which a motion overturns the block (-1: the measure orders all): "
         ranks = "; ".join(f"{name} {value:.2f}" for name, value in self.rank_correlation.items())
         return [f"{text}{ranks}."] * bool(ranks)
 
