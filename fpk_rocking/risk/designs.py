@@ -164,8 +164,14 @@ class Designs(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """Those of the studies, a list of `Diagnostic`, each once."""
-        return list(dict.fromkeys(diagnostic for one in self.studies for diagnostic in one.diagnostics))
+        """Those of the studies, a list of `Diagnostic`: once what holds for all, else after the name of the block."""
+        common = set(self.studies[0].diagnostics).intersection(*(one.diagnostics for one in self.studies))
+
+        def named(one, found):
+            own = found.message and found not in common
+            return found._replace(message=f"{one.name}: {found.message}") if own else found
+
+        return list(dict.fromkeys(named(one, found) for one in self.studies for found in one.diagnostics))
 
     @property
     def sentences(self) -> list[str]:
@@ -187,6 +193,8 @@ class Designs(Result):
             text += " (no limits, as lognormal capacities are missing or rejected)" * math.isnan(ratio.median_low)
             text += f", for single motions {each.min():.3g} to {each.max():.3g}" * bool(each.size)
             text += f"; annual rate {_limits(*ratio[3:])}" * bool(first.risk)
+            unknown = math.isnan(ratio.rate_low) and not math.isnan(ratio.rate)
+            text += " (no limits, as the thresholds that have the blocks' rates are rejected as lognormal)" * unknown
             texts.append(f"{text}.")
         same = "All blocks have the same motions, and limits of ratios allow for that."
         return [*texts, same, *first.about_motions]
