@@ -124,7 +124,7 @@ def solve_fpk(
     tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
     replaced, choice = _with_noise_replaced(scene, noise_replacement, times, tol)
     advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"
-    start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
+    _start_compiling(scene)
     solved, motion, coarser, meshes = _planned(replaced, times, tol)
     # The factor of the last difference of the bins is held against true errors where white noise and cycles are.
     calibrated, count = solved.repeats and not filtered, ProgressCount(progress, advances)
@@ -246,12 +246,18 @@ def _with_noise_replaced(scene, noise_replacement, times, tol):
     chosen = noise_replacement == "auto" and scene.repeats and scene.noise.kind == "band" and scene.noise.variance > 0.0
     if not chosen:
         return replaced_scene(scene, "white" if noise_replacement == "auto" else noise_replacement), None
+    _start_compiling(scene)
 
     def solve(white):
         return _solve_coarsely(white, round(times[-1] / white.period))
 
     choice = choose(scene, tol, solve, lambda replaced: _planned(replaced, times, tol))
     return choice.scene, choice
+
+
+def _start_compiling(scene):
+    """Start helpers that compile what the density of a scene needs."""
+    start_helpers(DENSITY[kind_of(scene.block)], FREE_FLIGHT)
 
 
 def _refuse(scene):

@@ -8,8 +8,9 @@ import pytest
 from scipy.integrate import quad
 
 from fpk_rocking import BandNoise, Start, WhiteNoise, load_scene, melnikov, solve_fpk
-from fpk_rocking.density import replacing
+from fpk_rocking.density import replacing, solver
 from fpk_rocking.physics.noise.equivalence import forgetful_diffusion, response
+from fpk_rocking.scene.least import kind_of
 
 MAIN = load_scene("main")
 STRATIFIED = MAIN.varied(noise=dataclasses.replace(MAIN.noise, frequencies="stratified"))
@@ -160,6 +161,14 @@ def test_no_replacement_is_ok_for_a_band_that_leaves_out_the_frequencies_of_the_
     sampled = {1.0: 0.667, 2.0: 0.922, 4.0: 0.86274}[band[0]]
     assert abs(density.survival[10] - sampled) < density.total_error[10, 0]
     assert density.trust.verdict == "do not use"
+
+
+def test_the_choice_has_the_density_compiled_first(monkeypatch):
+    """One call of helpers counts in a process: that of filtered noise has a tenth of the kernels."""
+    asked = []
+    monkeypatch.setattr(solver, "start_helpers", lambda *compilations: asked.append(compilations))
+    solve_fpk(MAIN, cycles=1, tol=1e-2, bins_tol=np.inf)
+    assert asked[0][0] is solver.DENSITY[kind_of(MAIN.block)]
 
 
 def test_what_needs_no_choice_is_solved_as_it_is():
