@@ -17,7 +17,7 @@ from montecarlo import Ensemble, simulate
 
 MAIN = pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml"
 SCENE = load_scene(MAIN)
-COARSE = "--cycles", 3, "--tol", 3e-2, "--bins-tol", "inf"
+COARSE = "--cycles", 3, "--tol", 3e-2, "--bins-tol", "inf", "--noise-replacement", "white"
 
 
 def run(*arguments):
@@ -38,7 +38,7 @@ def said(err):
 
 @pytest.fixture(scope="module")
 def solved():
-    return solve_fpk(SCENE, cycles=3, tol=3e-2, bins_tol=np.inf)
+    return solve_fpk(SCENE, cycles=3, tol=3e-2, bins_tol=np.inf, noise_replacement="white")
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_noise_that_was_replaced_is_sampled_beside_the_density():
         assert text.format(2) in " ".join(out.split())
     _, out, _ = run("compare", MAIN, "--realizations", 40_000, "--seed", 5, "--method", "exact", *COARSE)
     assert text.format(5) in " ".join(out.split())
-    _, out, _ = run("fpk", MAIN, "--no-check", "--noise-replacement", "white", *COARSE)
+    _, out, _ = run("fpk", MAIN, "--no-check", *COARSE)
     assert "trust: caution. Replaced, not checked" in out
 
 

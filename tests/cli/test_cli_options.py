@@ -149,6 +149,8 @@ def test_the_noise_replacement_reaches_the_solver(run, solved):
     loaded = Evolution.load(run("fpk", PERIODIC, **SOLVED, noise_replacement="filtered", no_check=True)[1])
     assert "filtered" in loaded.noise_replacement or "low-pass" in loaded.noise_replacement
     assert not np.array_equal(loaded.survival, solved.survival)
+    chosen = Evolution.load(run("fpk", PERIODIC, **SOLVED, no_check=True)[1]).settings["replacement"]
+    assert "the fastest within 0.03" in chosen["choice"]
 
 
 def test_times_reach_the_solver(run):

@@ -22,7 +22,8 @@ def paths():
 
 @pytest.fixture(scope="module")
 def density():
-    return solve_fpk(SCENE, cycles=2, samples_per_cycle=2, tol=3e-2, bins_tol=np.inf)
+    options = {"tol": 3e-2, "bins_tol": np.inf, "noise_replacement": "white"}
+    return solve_fpk(SCENE, cycles=2, samples_per_cycle=2, **options)
 
 
 def frames(path):
