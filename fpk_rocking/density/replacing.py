@@ -5,14 +5,15 @@ impact, whose weight of a frequency is 4/(1+ω²)². A block that an impact lets
 block of restitution e has a mean of both (`equivalence.response`). So two white noises, as strong as the band and as
 its replacement for a block that forgets, tell how far apart the two can be: coarse densities under them are compared.
 Of blocks that rest, white noise is right about none, and filtered noise about most. They are those that rattle next to
-rest under white noise, the most at four times a cycle, and those that the band leaves at rest at the start; and they
-overturn no more often than all.
+rest under white noise, the most at four times a cycle, and those that the band leaves at rest at the start; from a
+start at rest they overturn no more often than all.
 
 A realization of N independent harmonics keeps its strength, and has lighter tails than Gaussian noise. What both change
 in a density, to first order in 1/N, follows from how it depends on the strength of the noise (docs/theory, "Finite N").
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -71,14 +72,18 @@ def choose(
     accepts : callable
         Raises ValueError for a scene that the solver does not take.
     """
-    white, scenes, refused = scene.white_equivalent(), {}, []
-    for name in REPLACEMENTS:
+    white = scene.white_equivalent()
+
+    @functools.cache
+    def candidate(name):
         try:
-            scenes[name] = replaced_scene(scene, name)
-            accepts(scenes[name])
+            replaced = replaced_scene(scene, name)
+            accepts(replaced)
         except ValueError:
-            refused.append(name)
-    if refused == [*REPLACEMENTS]:
+            return None
+        return replaced
+
+    if not any(map(candidate, REPLACEMENTS)):
         accepts(white)
     usual, resting = solve(white)
     resting = min(resting + _left_at_rest(scene), 1.0)
@@ -88,17 +93,19 @@ def choose(
         ratio = min(max(ratio, 1.0 / _WIDEST), _WIDEST)
         noise = dataclasses.replace(white.noise, diffusion=ratio * white.noise.diffusion)
         other = solve(dataclasses.replace(white, noise=noise))[0]
-        overturned = 1.0 - float(min(usual[-1, 0], other[-1, 0]))
+        # The future of a block that rests is that of a start at rest; of another start it is not known.
+        overturned = 1.0 - float(min(usual[-1, 0], other[-1, 0])) if _starts_at_rest(scene) else 1.0
         parts = float(np.abs(other - usual).max()), resting * overturned
         return float(np.dot(_WEIGHTS[name], parts))
 
     errors, texts = {}, []
     for name in REPLACEMENTS:
-        if name in refused:
+        replaced = candidate(name)
+        if replaced is None:
             texts.append(f"{name} refused")
             continue
-        errors[name] = estimate(name, scenes[name])
-        if name == "exponential" and "filtered" in refused:
+        errors[name] = estimate(name, replaced)
+        if name == "exponential" and candidate("filtered") is None:
             # Noise too slow for two states: what its memory changes is in no estimate, so it is no better than none.
             errors[name] = max(errors[name], errors.get("white") or estimate("white", white))
         texts.append(f"{name} {errors[name]:.1g}")
@@ -106,13 +113,18 @@ def choose(
             break
     name = min(errors, key=lambda name: errors[name])
     why = f"the fastest within {tol:g}" if errors[name] <= tol else f"the most accurate, as none is within {tol:g}"
-    return Choice(name, scenes[name], errors, f"{name} noise is {why} (estimated errors: {', '.join(texts)})")
+    reason = f"{name} noise is {why} (estimated errors: {', '.join(texts)})"
+    return Choice(name, replaced_scene(scene, name), errors, reason)
+
+
+def _starts_at_rest(scene):
+    return not (scene.start.angle or scene.start.velocity or scene.start.covariance)
 
 
 def _left_at_rest(scene):
     """Probability that the noise of a scene does not lift the block off at the start; 0.0 of one that does not rest."""
-    start, level = scene.start, scene.block.lift_off
-    if start.angle or start.velocity or start.covariance:
+    level = scene.block.lift_off
+    if not _starts_at_rest(scene):
         return 0.0
     ends = [(level - scene.forcing.value(0.0)), (-level - scene.forcing.value(0.0))]
     above, below = (0.5 * math.erf(end / math.sqrt(2.0 * scene.noise.variance)) for end in ends)

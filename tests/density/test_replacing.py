@@ -79,6 +79,14 @@ def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate(
     assert resting.errors["white"] == pytest.approx(3.5 * white)
     assert resting.error == pytest.approx(1.3 * white, rel=0.1)
     assert "filtered" not in resting.errors
+    asked = []
+    replacing.choose(MAIN, 3 * white, linear, asked.append)
+    assert [scene.noise.kind for scene in asked] == ["white"]
+    # Of a start that moves it is not known how often those overturn that come to rest.
+    moving = MAIN.varied(start=Start(0.0, 0.5))
+    resting = replacing.choose(moving, 1e-6, lambda scene: (linear(scene)[0], part), lambda _: None)
+    assert resting.errors["white"] == pytest.approx(2.0 * white + part)
+    assert resting.errors["filtered"] == pytest.approx(chosen[1e-6].error + 0.05 * part)
 
 
 def test_white_noise_is_not_enough_for_a_block_that_the_band_leaves_at_rest():
