@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.checks import Array
-from fpk_rocking.physics.noise.equivalence import forgetful_diffusion, realized_spread
+from fpk_rocking.physics.noise.equivalence import forgetful_diffusion, realized_spread, relative_variance
 from fpk_rocking.scene.scene import Scene
 
 REPLACEMENTS = "white", "exponential", "filtered"
@@ -37,6 +37,9 @@ _WEIGHTS = {"white": (2.0, 1.0), "exponential": (1.0, 0.2), "filtered": (1.0, 0.
 """Weights of the two parts of an estimate: the change by the difference of strengths, and the part of the blocks that
 may rest and overturns. In 31 scenes, each held against 10⁶ paths, white noise erred by up to 1.5 times the first, as it
 has no memory either; beyond the first the three erred by up to .75, .12 and .015 of the second."""
+
+_COVERED = 0.85
+"""Relative variance from which on a band contains the frequencies of a block (docs/paper, white for band noise)."""
 
 _WIDEST = 8.0
 
@@ -88,14 +91,20 @@ def choose(
     usual, resting = solve(white)
     resting = min(resting + _left_at_rest(scene), 1.0)
 
-    def estimate(name, replaced):
-        ratio = forgetful_diffusion(scene.noise) / forgetful_diffusion(replaced.noise)
+    def times_as_strong(ratio):
         ratio = min(max(ratio, 1.0 / _WIDEST), _WIDEST)
         noise = dataclasses.replace(white.noise, diffusion=ratio * white.noise.diffusion)
-        other = solve(dataclasses.replace(white, noise=noise))[0]
+        return solve(dataclasses.replace(white, noise=noise))[0]
+
+    covered = relative_variance(scene.noise, critical_angle=scene.block.critical_angle)
+    # A block that feels the frequencies of the band alone feels white noise of the level that the band has there.
+    in_band = [times_as_strong(1.0 / covered)] if covered < _COVERED else []
+
+    def estimate(name, replaced):
+        others = [times_as_strong(forgetful_diffusion(scene.noise) / forgetful_diffusion(replaced.noise)), *in_band]
         # The future of a block that rests is that of a start at rest; of another start it is not known.
-        overturned = 1.0 - float(min(usual[-1, 0], other[-1, 0])) if _starts_at_rest(scene) else 1.0
-        parts = float(np.abs(other - usual).max()), resting * overturned
+        overturned = 1.0 - float(min(found[-1, 0] for found in (usual, *others))) if _starts_at_rest(scene) else 1.0
+        parts = max(float(np.abs(other - usual).max()) for other in others), resting * overturned
         return float(np.dot(_WEIGHTS[name], parts))
 
     errors, texts = {}, []
