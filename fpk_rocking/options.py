@@ -107,9 +107,9 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --records FILE+         files of recorded motions, of which the command records tells what they have; the scene gives
                         block and noise, and needs no forcing
 --synthetic N:int       in place of records: as many synthetic motions on firm ground
---hazard FILE|K0:K      file of two columns, intensity (g or m/s) and annual rate of exceedance, or what its first line
-                        names, as PGA (cm/s2),return period (years); OpenQuake's hazard curves; or K0:K for the hazard
-                        K0 im^-K; without one there is a curve and no rate
+--hazard FILE|K0:K      a file of two columns: intensity in g or m/s and annual rate of exceedance, or those that its first
+                        line names, as PGA (cm/s2),return period (years); a file of OpenQuake's hazard curves; or K0:K
+                        for the rate K0 intensity^-K. Without it there is a curve, but no rate
 --site LON,LAT|N        site of OpenQuake's hazard curves: --site=LON,LAT in degrees, or its number from 1
 --ground FILE+          where the records are of an upper floor: the ground motion of each, in the same order;
                         intensities are those of the ground, and both are scaled together
@@ -118,8 +118,9 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         0.5,0.05,1.3
 --intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default of risk: 12
                         over the range in which the motions overturn the block)
---measure NAME          intensity of the motion: PGV in m/s (default), PGA in g, "Sa(1.0)" (5 %% damped, at 1 s) in g,
-                        "PGV*" for p PGV/(g tan θ_cr); of an upper floor itself PFA in g or PFV in m/s
+--measure NAME          intensity of the motion: PGV in m/s (default), PGA in g, "Sa(1.0)" in g (at 1 s, 5 %% damped) or
+                        "PGV*", which is p PGV/(g tan θ_cr); for a block on an upper floor also that of the floor, PFA
+                        in g or PFV in m/s
 --units NAME            unit of the records where their files do not say it: g, m/s2, cm/s2, mm/s2, mg, g/10, %%g, ft/s2
                         or in/s2
 --interval S:float      time between samples, seconds, where the files do not say it
@@ -131,8 +132,9 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
 --name NAME             identifier of the block in the exported files (default rocking_block; several have the names of
                         their scene files)
---azimuth DEG:float     of the vertical plane of the block, degrees clockwise from north: the records are two horizontal
-                        components each, in one file or in two, one after the other, whose names say their azimuths
+--azimuth DEG:float     direction in which the block rocks, degrees clockwise from north. The records are then two
+                        horizontal components each, in one file or in two that follow each other, and the names of the
+                        components say their azimuths
 --depth LENGTH          with --azimuth: also the plane across it, in which the block is as wide as this, m or "90 cm"
 """
 """Every argument of the command line: name, what stands for its value with the type, and help.

@@ -41,6 +41,9 @@ has no memory either; beyond the first the three erred by up to .75, .12 and .01
 _COVERED = 0.85
 """Relative variance from which on a band contains the frequencies of a block (docs/paper, white for band noise)."""
 
+_SOLVED_PART = 1.0 / 3.0
+"""Error of a density, in parts of what its replacement neglects, below which a finer one changes little."""
+
 _WIDEST = 8.0
 
 
@@ -51,6 +54,8 @@ class Choice(NamedTuple):
     scene: Scene
     errors: dict[str, float]
     reason: str
+    tol: float
+    """Error to which the density is to be solved: the wanted one, or a third of what the replacement neglects."""
 
     @property
     def error(self) -> float:
@@ -123,7 +128,10 @@ def choose(
     name = min(errors, key=lambda name: errors[name])
     why = f"the fastest within {tol:g}" if errors[name] <= tol else f"the most accurate, as none is within {tol:g}"
     reason = f"{name} noise is {why} (estimated errors: {', '.join(texts)})"
-    return Choice(name, replaced_scene(scene, name), errors, reason)
+    solved_to = max(tol, _SOLVED_PART * errors[name])
+    if solved_to > tol:
+        reason += f"; so the density is solved to {solved_to:.1g}"
+    return Choice(name, replaced_scene(scene, name), errors, reason, solved_to)
 
 
 def _starts_at_rest(scene):

@@ -288,7 +288,14 @@ def resolutions_for(tol, before, filtered=False, early=False):
         chosen[3] = INTERMEDIATE
     elif not filtered:
         chosen.insert(4, INTERMEDIATE)
-    if early and usual == 3:
+    if filtered:
+        # Each takes three times as long as the one before: one more costs little, and one less saves much.
+        if early:
+            chosen.insert(0, COARSEST)
+            usual = max(usual, 3)
+        elif usual == 3:
+            before += 1
+    elif early and usual == 3:
         # The second may be the last: it starts as the third does. The coarsest, which starts otherwise, tells by how
         # much that is off.
         patches = RESOLUTIONS[2].patches

@@ -13,7 +13,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, ArrayLike, Progress, not_none
 from fpk_rocking.base.precompilation import Compilation, mark_announced, start_helpers
 from fpk_rocking.density.evolution import Evolution, near_rest, refuse_broken, warn_unresolved
-from fpk_rocking.density.filter_nodes import FilteredDiscretization, filtered_discretization
+from fpk_rocking.density.filter_nodes import FilteredDiscretization, filtered_discretization, may_rest
 from fpk_rocking.density.filtered import REST, FilteredPropagator
 from fpk_rocking.density.propagator import PeriodicPropagator, Solution
 from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
@@ -85,7 +85,8 @@ def solve_fpk(
     samples_per_cycle : int, optional
         Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
     tol : float, optional
-        Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat.
+        Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat. Where the
+        chosen replacement of the noise neglects more than three times as much, a third of that is enough.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
         With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the
@@ -121,8 +122,9 @@ def solve_fpk(
     begin = time.perf_counter()
     checks.instance("scene", scene, Scene)
     times = result_times(scene, cycles, times, samples_per_cycle)
-    tol, bins_tol, judged_by = _tolerances(scene, tol, bins_tol)
-    replaced, choice = _with_noise_replaced(scene, noise_replacement, times, tol)
+    wanted, *_ = _tolerances(scene, tol, bins_tol)
+    replaced, choice = _with_noise_replaced(scene, noise_replacement, times, wanted)
+    tol, bins_tol, judged_by = _tolerances(scene, choice.tol if choice else wanted, bins_tol)
     advances, filtered = len(times) - 1, replaced.noise.kind == "filtered"
     _start_compiling(scene)
     solved, motion, coarser, meshes = _planned(replaced, times, tol)
@@ -207,7 +209,8 @@ def _planned(replaced, times, tol):
     white = _at_unit_peak(replaced.white_equivalent())
     solved = replaced if filtered else white
     motion = explore(white, times)
-    early = solved.repeats and not filtered and motion.standing >= TUNING.mostly_standing
+    # What rests needs fine steps, and the estimate of that all three.
+    early = not may_rest(solved) if filtered else solved.repeats and motion.standing >= TUNING.mostly_standing
     meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered, early))
     first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered, early))
     plan = Plan(solved, motion, meshes[:first], meshes[first:])
@@ -337,7 +340,7 @@ def _discretizations(scene, white, motion, resolutions):
         return planes
     start_helpers(REST[kind_of(scene.block)])
     first = len(RESOLUTIONS) - len(resolutions)
-    return [filtered_discretization(scene, plane, number) for number, plane in enumerate(planes, first)]
+    return [filtered_discretization(scene, plane, max(number, 0)) for number, plane in enumerate(planes, first)]
 
 
 def _solve(scene, discretization, tol, times, edges, coarser, progress):

@@ -334,7 +334,7 @@ def outcomes_text(scale: Array, curve: Array) -> str:
     not_over = np.flatnonzero(~over)
     always = not_over[-1] + 1 if not_over.size else 0
     last = f", at all of them from {scale[always]:.4g} on" if always < over.size else ""
-    return f"happens at {over.sum()} of {over.size} scales, first at {scale[over.argmax()]:.4g}{last}"
+    return f"happens at {over.sum()} of {over.size} scales, the lowest of them {scale[over.argmax()]:.4g}{last}"
 
 
 def limits_text(interval: tuple[float, float]) -> str:

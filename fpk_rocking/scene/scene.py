@@ -115,6 +115,9 @@ class Scene:
         for name, part in parts.items():
             if isinstance(part, dict):
                 cls = type(own[name])
+                if "kind" in part:
+                    accepted = f"values of {cls.__name__}, or a new part, as in scene.varied(noise=NoNoise())"
+                    raise ValueError(checks.refusal(f"{name}.kind", part["kind"], accepted))
                 dropped = {"remark"} | (
                     {"critical_angle"} if part.keys() & {"dimensions", "body", "slender"} else set()
                 )

@@ -58,6 +58,12 @@ def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate(
     assert chosen[1e-6].scene == MAIN.filtered_equivalent()
     assert chosen[3 * white].reason.startswith("white noise is the fastest within")
     assert "the most accurate, as none is within 1e-06" in chosen[1e-6].reason
+    # A density need not be much more accurate than its noise.
+    assert [choice.tol for choice in chosen.values()] == pytest.approx(
+        [3 * white, 0.7 * white, chosen[1e-6].error / 3.0]
+    )
+    assert chosen[1e-6].reason.endswith(f"; so the density is solved to {chosen[1e-6].tol:.1g}")
+    assert "solved to" not in chosen[0.7 * white].reason
 
     def refuses(scene):
         if scene.noise.kind == "filtered":

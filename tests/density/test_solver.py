@@ -1,6 +1,7 @@
 """How `solve_fpk` holds itself to a tolerance: its estimate, its refinement, what it says when memory ends that."""
 
 import dataclasses
+import functools
 import math
 import pathlib
 import types
@@ -131,6 +132,16 @@ def test_a_coarser_solution_serves_the_middle_tolerance_alone():
     for tol in (1e-2, 1e-4):
         assert resolutions_for(tol, SOLUTIONS, early=True) == resolutions_for(tol, SOLUTIONS)
     assert COARSEST.patches.reach < RESOLUTIONS[2].patches.reach
+
+
+def test_filtered_noise_begins_coarser_as_each_solution_takes_three_times_as_long():
+    first, moving = RESOLUTIONS[0], functools.partial(resolutions_for, filtered=True, early=True)
+    # Of blocks that move the coarsest tells the error of the second, if two are enough.
+    for tol in (1e-2, 1e-3):
+        assert (moving(tol, SOLUTIONS - 1)[0], moving(tol, SOLUTIONS)[0]) == (first, COARSEST)
+        resting = [resolutions_for(tol, before, filtered=True) for before in (SOLUTIONS - 1, SOLUTIONS)]
+        assert resting == [list(RESOLUTIONS)] * 2
+    assert [resolution.degree for resolution in moving(1e-4, SOLUTIONS - 1)[:3]] == [3, 3, 4]
 
 
 def test_solutions_begin_coarser_where_most_blocks_stand(monkeypatch):

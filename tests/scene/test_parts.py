@@ -132,3 +132,9 @@ def test_lengths_in_millimetres_are_doubted():
     sentences = ranges.implausible(scene)
     assert "block.body.height_of_centre is 1100 m; was 1.1 m meant?" in sentences
     assert ranges.implausible(scene.varied(block={"body": STATUE}, overturning=Overturning())) == []
+
+
+def test_a_kind_is_changed_by_a_new_part():
+    with pytest.raises(ValueError, match=r"^noise.kind: got 'none', accepted: values of .*Noise, or a new part, as in sc"):
+        SCENE.varied(noise={"kind": "none"})
+    assert SCENE.varied(noise=NoNoise()).noise == NoNoise()
