@@ -96,7 +96,7 @@ CAPTIONS = {
     "time_at_equal_error_growth.png": "Seconds over the noise and over the number of cycles",
 }
 # Of cases that are quicker by themselves than what the gallery shows.
-FINER = {"fig06_jpdf_evolution": {"realizations": 4_000_000, "tol": 3e-3}}
+FINER = {"fig06_jpdf_evolution": {"realizations": 4_000_000, "tol": 1e-3}}
 ROOT = pathlib.Path(__file__).parents[1]
 LARGEST = 150_000
 WIDTHS = (1260, 1130, 1010, 900, 800)

@@ -78,7 +78,8 @@ def estimate_errors(solutions: list[Any], finer: int, bins_last: float = 1.0) ->
     fine = solutions[-1]
     quantity, bins = zip(*(differences(fine, solution) for solution in solutions[:-1]), strict=True)
     if len(solutions) == SOLUTIONS - 1:
-        quantity, bins = (0.0, 2.0 * quantity[0]), (bins[0] / TUNING.bins_before, bins[0])
+        # As if the one before were as far off as it may be without a say.
+        quantity, bins = (quantity[0] / TUNING.difference_before, *quantity), (bins[0] / TUNING.bins_before, *bins)
     bins_error = max(bins_last * bins[-1], min(TUNING.bins_before * bins[-2], TUNING.bins_at_most * bins[-1]))
     error = fine.error(safe_difference(quantity), bins[-1])
     # A probability that survival lacks is one that the bins lack, even where no row has a density to compare.

@@ -209,7 +209,7 @@ def _planned(replaced, times, tol):
     white = _at_unit_peak(replaced.white_equivalent())
     solved = replaced if filtered else white
     motion = explore(white, times)
-    # What rests needs fine steps, and the estimate of that all three.
+    # With coarser steps the probability of being at rest, and the estimate of its error, are too far off.
     early = not may_rest(solved) if filtered else solved.repeats and motion.standing >= TUNING.mostly_standing
     meshes = _discretizations(solved, white, motion, resolutions_for(tol, SOLUTIONS, filtered, early))
     first = len(meshes) - len(resolutions_for(tol, SOLUTIONS - 1, filtered, early))

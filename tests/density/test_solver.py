@@ -81,8 +81,8 @@ def test_the_sides_count_where_survival_is_the_same():
     ("survival", "taken"),
     [
         ({1: 0.5, 2: 0.6, 3: 0.61, 4: 0.6101}, [1, 2, 3, 4]),
-        ({1: 0.5015, 2: 0.5, 3: 0.5}, [1, 2, 3]),  # 1.4 times the difference is within the tolerance, twice that not
-        ({0: 0.504, 1: 0.501, 2: 0.5}, [1, 2, 0]),
+        ({1: 0.5022, 2: 0.5, 3: 0.5}, [1, 2, 3]),  # 1.4 times the difference is beyond the tolerance
+        ({0: 0.507, 1: 0.5021, 2: 0.5}, [1, 2, 0]),
         ({0: 0.7, 1: 0.501, 2: 0.5, 3: 0.5}, [1, 2, 0, 3]),  # the coarsest is too far off to tell anything
     ],
 )
