@@ -65,7 +65,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
 --json                  print one JSON object instead of a table
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
-                        fragility 0.01)
+                        fragility 0.01); of the command probability: error of that (default 0.005)
 --rtol X:float          wanted relative error of the probability; with --tol too, the larger error is enough
 --limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
 --bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
@@ -107,7 +107,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --records FILE+         files of recorded motions, of which the command records tells what they have; the scene gives
                         block and noise, and needs no forcing
 --synthetic N:int       in place of records: as many synthetic motions on firm ground
---hazard FILE|K0:K      a file of two columns: intensity in g or m/s and annual rate of exceedance, or those that its first
+--hazard FILE|K0:K      a file of two columns: intensity in g or m/s and annual rate of exceedance, or what its first
                         line names, as PGA (cm/s2),return period (years); a file of OpenQuake's hazard curves; or K0:K
                         for the rate K0 intensity^-K. Without it there is a curve, but no rate
 --site LON,LAT|N        site of OpenQuake's hazard curves: --site=LON,LAT in degrees, or its number from 1
@@ -256,8 +256,10 @@ def _setting(text):
     name, equals, value = text.partition("=")
     if not (equals and name.strip()):
         raise ValueError(f"--set: got {text!r}, accepted: KEY=VALUE, as in noise.kind=none")
+    # TOML asks for a digit before the point.
+    number = re.sub(r"^ *(-?)[.](?=[0-9])", r"\g<1>0.", value)
     try:
-        return name.strip(), tomllib.loads(f"value = {value}")["value"]
+        return name.strip(), tomllib.loads(f"value = {number}")["value"]
     except ValueError:
         return name.strip(), value.strip()
 

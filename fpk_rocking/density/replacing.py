@@ -129,8 +129,7 @@ def choose(
     why = f"the fastest within {tol:g}" if errors[name] <= tol else f"the most accurate, as none is within {tol:g}"
     reason = f"{name} noise is {why} (estimated errors: {', '.join(texts)})"
     solved_to = max(tol, _SOLVED_PART * errors[name])
-    if solved_to > tol:
-        reason += f"; so the density is solved to {solved_to:.1g}"
+    reason += f"; so the density is solved to {solved_to:.1g}" * (solved_to > tol)
     return Choice(name, replaced_scene(scene, name), errors, reason, solved_to)
 
 

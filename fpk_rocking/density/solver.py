@@ -385,7 +385,8 @@ def _refuse_unresolved(result):
         raise ValueError(
             f"scene: got a density that a mesh of {result.settings['unknowns']:,} unknowns does not resolve, nor would "
             f"the finest (negative mass {negative:.1e}), accepted: up to {limit}; the noise, of diffusion "
-            f"{result.diffusion:.3g}, is too weak, or filtered noise too slow: use Monte Carlo"
+            f"{result.diffusion:.3g}, is too weak for motions of such different sizes, or filtered noise too slow: use "
+            "Monte Carlo"
         )
 
 

@@ -215,7 +215,10 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def mean_cycles(self) -> float:
-        """Mean number of cycles until a block distributed like `quasi_stationary` overturns."""
+        """Mean number of the cycle, from 1, in which a block distributed like `quasi_stationary` overturns.
+
+        That cycle counts whole: the mean time in cycles, that of `mean_cycles_map`, is about half a cycle less.
+        """
         return -1.0 / math.expm1(-self.escape_rate)
 
     def modes(self, adjoint: bool = False) -> tuple[Array, list[Array]]:

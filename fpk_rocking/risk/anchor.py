@@ -10,6 +10,7 @@ directions. If a tie stretches or has slack, the block begins to rock, and the f
 import math
 from typing import NamedTuple
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.checks import not_none
 from fpk_rocking.scene.parts import Block
 from fpk_rocking.scene.units import STANDARD_GRAVITY
@@ -38,7 +39,12 @@ def hold(block: Block, acceleration: float) -> Hold:
     block : Block
         With a size.
     acceleration : float
-        m/s².
+        m/s², 0 or more.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The acceleration is no such number, or the block has no size.
 
     Examples
     --------
@@ -47,6 +53,9 @@ def hold(block: Block, acceleration: float) -> Hold:
     >>> print(hold(Block(dimensions=Dimensions(width=0.5, height=2.0)), 0.5 * 9.80665))
     Hold(top=0.125, edge=0.5)
     """
+    acceleration = checks.number("acceleration", acceleration, at_least=0.0)
+    if block.size is None:
+        raise ValueError(checks.refusal("block", block, "one with a size, as of Scene.from_block"))
     if block.body is None:
         size = not_none(block.dimensions)
         centre, arm, width, top = 0.5 * size.height, 0.5 * size.width, size.width, size.height

@@ -48,8 +48,8 @@ def critical_text(measure: str) -> str:
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
         "at least. Above it the block may stand again, until it always overturns. Narrower intervals may be missed: at "
         f"one {measure} an outcome may differ, the rate hardly does. P(overturned) is the share of the "
-        f"motions that overturn the block at a {measure}. A motion whose critical {measure} is lower does not count "
-        f"where the block stands again under it. A lognormal fit takes each motion at its equivalent {measure}: the "
+        f"motions that overturn the block at a {measure}; a motion is not counted where the block stands again above "
+        f"its critical {measure}. A lognormal fit takes each motion at its equivalent {measure}: the "
         f"one threshold above which it would overturn the block over the same total range of ln({measure})."
     )
 
@@ -281,11 +281,11 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    text = f"; {far_always} of the {factor.size} overturn it always only above {LARGEST_FACTOR:g} times"
+    text = f"; for {far_always} of the {factor.size} that from which they always do is above {LARGEST_FACTOR:g}"
     more = text * (far_always > far.size)
     sentence = (
-        f"{far.size} of {factor.size} motions overturn the block first at more than {LARGEST_FACTOR:g} times their "
-        f"own strength, up to {far.max():.3g} times{more}. Common advice is to scale a record by 4 or 5 at most "
+        f"{far.size} of {factor.size} motions overturn the block first at a factor of more than {LARGEST_FACTOR:g} on "
+        f"their own strength, up to {far.max():.3g}{more}. Common advice is to scale a record by 4 or 5 at most "
         "(reviewed by Bommer and Acevedo, J. Earthquake Eng. 8(S1), 43-91, 2004): strong motions differ from weak ones "
         "in frequency content and duration, which no factor changes. Take stronger records."
     )

@@ -187,7 +187,7 @@ class Fragility(Result):
     def _fit(self, curve, deterministic):
         """Return the `LognormalFit` of a `curve` (n,) of probabilities; of one path it has a reason alone."""
         if deterministic:
-            return LognormalFit(reason=f"deterministic: {outcomes_text(self.scale, curve)}")
+            return LognormalFit(reason=f"nothing is random: {outcomes_text(self.scale, curve)}")
         return fit_lognormal(self.scale, curve, self.realizations or None)
 
     @functools.cached_property
@@ -458,7 +458,7 @@ def fragility(
     have less sampling noise; the curves of two levels never cross under band noise or none.
 
     Without noise all scales at which the outcome changes are searched for (`critical_intensities`), and a probability
-    is 0 or 1 by those. The search does not depend on `scale`.
+    is 0 or 1 by those, which agree with the paths at each `scale`.
 
     Parameters
     ----------
@@ -546,7 +546,7 @@ def fragility(
         jobs.append(Job(len(jobs), _at(shaken[m], 1.0 if searched else factors[n], level, scale_noise), own))
     running: dict[str, Any] = {"workers": workers, "store": store, "progress": progress}
     if searched:
-        bounds = {"measure": "scale", "highest": None} | lasting
+        bounds = {"measure": "scale", "highest": None, "at": list(factors)} | lasting
         options |= {"farthest": FARTHEST}
         rows = run_jobs(search, jobs, bounds, kernels_of_paths, **running)
     else:

@@ -190,7 +190,8 @@ class Designs(Result):
         for other, ratio, row in zip(self.studies[1:], self.ratios, self._each, strict=True):
             each = row[np.isfinite(row)]
             text = f"{other.name} over {first.name}: {unit} that overturns it, in the median, {_limits(*ratio[:3])}"
-            text += " (no limits, as lognormal capacities are missing or rejected)" * math.isnan(ratio.median_low)
+            if math.isnan(ratio.median_low):
+                text += " (no limits: for one of the two no lognormal capacities, or they are rejected)"
             text += f", for single motions {each.min():.3g} to {each.max():.3g}" * bool(each.size)
             text += f"; annual rate {_limits(*ratio[3:])}" * bool(first.risk)
             unknown = math.isnan(ratio.rate_low) and not math.isnan(ratio.rate)

@@ -52,6 +52,9 @@ _USUAL = {0.63, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01}
 _MAPPED, _STRONGEST = 1.0 / 2500.0, {"PGA": 3.0, "PGV": 5.0}
 """An annual rate, and intensities in g and m/s that no map has at such rates: those of a column are in another unit."""
 
+_IMPOSSIBLE = 20.0
+"""Intensity in g and m/s that has never been recorded: a column with more is another one."""
+
 _LISTED = 10
 """Sites of a file that a message lists."""
 
@@ -96,11 +99,8 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
     rates, left = _rates(quantity, factor * values[order], years)
     kept = ~np.isinf(rates)
     intensity, rates = intensity[order][kept], rates[kept]
-    often = intensity[rates >= _MAPPED]
-    if measure and not unit and often.size and often[-1] > _STRONGEST.get(measure, 5.0):
-        accepted = ", ".join(f"'{measure} ({unit})'" for unit in units_of(measure))
-        got = f"{measure} in no unit, up to {often[-1]:g} at {_MAPPED:g} a year"
-        raise ReadingError(got, f"its unit in the name of the column, {accepted}")
+    factor = units_of(measure)[unit] if unit else 1.0
+    _refuse_intensities(intensity[rates >= _MAPPED], measure, unit, factor)
     own = next(iter(units_of(measure))) if measure else "the unit of the curve"
     note = f"The hazard's file gives {measure or 'an intensity'} in {unit or f'no unit, read in {own},'} and {quantity}"
     note += f" in {years:g} year{'s' * (years != 1.0)}" * (quantity == "probabilities")
@@ -108,7 +108,18 @@ def read(text: str, site: str | int | None = None) -> tuple[Array, Array, str, s
     several = (rates == 1.0).sum() > 1 or re.search(r"investigation_time|\b(?!1\b)\d+[ -]*(?:years|yrs?)\b", comments)
     asked = quantity == "annual rates" and rates.max() <= 1.0 and several
     note += f"{left}." + " Are they not probabilities in several years?" * bool(asked)
-    return (units_of(measure)[unit] if unit else 1.0) * intensity, rates, measure, note
+    return factor * intensity, rates, measure, note
+
+
+def _refuse_intensities(often, measure, unit, factor):
+    """Raise ReadingError for ascending intensities of such rates that are no `measure`, or in another unit."""
+    largest = often[-1] if measure and often.size else 0.0
+    got = f"{measure} in {unit or 'no unit'}, up to {largest:g} at {_MAPPED:g} a year"
+    if not unit and largest > _STRONGEST.get(measure, 5.0):
+        accepted = ", ".join(f"'{measure} ({unit})'" for unit in units_of(measure))
+        raise ReadingError(got, f"its unit in the name of the column, {accepted}")
+    if factor * largest > _IMPOSSIBLE:
+        raise ReadingError(got, f"up to {_IMPOSSIBLE:g} g or m/s: are the columns exchanged, or is it another unit?")
 
 
 def _named(line, comments):

@@ -330,11 +330,11 @@ def outcomes_text(scale: Array, curve: Array) -> str:
     """Return at which of `scale` (n,) a path overturns, or reaches a level, as a text; `curve` (n,) is 0, 1 or nan."""
     over = curve == 1.0
     if not over.any():
-        return f"happens at none of {over.size} scales"
+        return f"it happens at none of the {over.size} scales"
     not_over = np.flatnonzero(~over)
     always = not_over[-1] + 1 if not_over.size else 0
-    last = f", at all of them from {scale[always]:.4g} on" if always < over.size else ""
-    return f"happens at {over.sum()} of {over.size} scales, the lowest of them {scale[over.argmax()]:.4g}{last}"
+    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
+    return f"it happens at {over.sum()} of the {over.size} scales, at {scale[over.argmax()]:.4g} first{last}"
 
 
 def limits_text(interval: tuple[float, float]) -> str:

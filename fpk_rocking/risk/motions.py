@@ -345,7 +345,7 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
             elif again > 1.01:
                 critical += f", always from {row['always_intensity']:.4g}"
             texts.append(critical if math.isfinite(row["critical_scale"]) else "stands up to the end of the search")
-        begin = "at scale 1 " * (measure == "scale" and bool(texts))
+        begin = ("at scale 1 " if measure == "scale" else f"scaled to {measure} 1{unit}: " * at_one) * bool(texts)
         lines.append(f"{name}: {begin}{', '.join(texts) or 'no size, no units'}.")
     return lines
 

@@ -147,7 +147,8 @@ class Risk(Result):
             severity = UNUSABLE if doubt > _MOST else CAUTION
             against.append(Diagnostic(severity, f"{text}: give more of them.", "the fragility"))
         if self._two_rates > _DIFFERENT:
-            against.append(Diagnostic(CAUTION, self._carried, "exported rate"))
+            advice = "" if self.curve.fitted else " They stand at the intensities that were asked for: ask for more."
+            against.append(Diagnostic(CAUTION, f"{self._carried}{advice}", "exported rate"))
         return against
 
     @functools.cached_property

@@ -39,28 +39,52 @@ CALM = 0.125
 """Part of the angle of overturning below which a path counts as far from it: the coarse scan does there."""
 
 
-def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf) -> Array:
-    """Return the scales at which the outcome of a path changes, ascending: the first, third, ... to overturning."""
+def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf, at: Iterable[float] = ()) -> Array:
+    """Return the scales at which the outcome of a path changes, ascending: the first, third, ... to overturning.
+
+    They agree with the outcomes at the scales `at`, on which the scan does not depend.
+    """
     scales = np.append(low * np.exp(COARSE * np.arange(math.ceil(math.log(high / low) / COARSE))), high)
-    scales, outcomes = _until_settled(paths, scales, settled)
+    asked = np.array([scale for scale in at if low < scale < high])
+    own = paths(asked)
+    scales, outcomes = _until_settled(paths, scales, settled, asked[~own.overturned].max(initial=low))
+    scales, outcomes = _split(paths, scales, outcomes, FINE)
+    asked, places = np.unique(asked, return_index=True)
+    # Beyond the scan all overturn, as these do.
+    new = (asked < scales[-1]) & ~np.isin(asked, scales)
+    scales, outcomes = _inserted(scales, outcomes, asked[new], Outcomes(*(column[places[new]] for column in own)))
+    scales, outcomes = _split(paths, scales, outcomes, math.inf)
+    over = outcomes.overturned
+    middles = np.sqrt(scales[1:] * scales[:-1])[over[1:] != over[:-1]]
+    return np.append(low, middles) if over[0] else middles
+
+
+def _split(paths, scales, outcomes, finest):
+    """Return scales and outcomes with others between them: jumps to EDGE, and what is not calm to a step `finest`."""
     while True:
         over, gap = outcomes.overturned, np.diff(np.log(scales))
         jump, calm = over[1:] != over[:-1], np.maximum(outcomes.peak[1:], outcomes.peak[:-1]) < CALM * paths.cutoff
-        split = np.where(jump, gap > EDGE, ~calm & (gap > FINE * (1.0 + 1e-9)))
-        middles = np.sqrt(scales[1:] * scales[:-1])
+        split = np.where(jump, gap > EDGE, ~calm & (gap > finest * (1.0 + 1e-9)))
         if not split.any():
-            return np.append(low, middles[jump]) if over[0] else middles[jump]
-        places = np.flatnonzero(split) + 1
-        more = paths(middles[split])
-        scales = np.insert(scales, places, middles[split])
-        outcomes = Outcomes(*(np.insert(old, places, new) for old, new in zip(outcomes, more, strict=True)))
+            return scales, outcomes
+        middles = np.sqrt(scales[1:] * scales[:-1])[split]
+        scales, outcomes = _inserted(scales, outcomes, middles, paths(middles))
 
 
-def _until_settled(paths, scales, settled):
-    """Return the scales (n,) of a scan, up to those that settle it, and their `Outcomes`."""
+def _inserted(scales, outcomes, more, of_more):
+    """Return ascending scales with `more` of them among them, and the `Outcomes` of all."""
+    places = np.searchsorted(scales, more)
+    columns = zip(outcomes, of_more, strict=True)
+    return np.insert(scales, places, more), Outcomes(*(np.insert(old, places, new) for old, new in columns))
+
+
+def _until_settled(paths, scales, settled, standing):
+    """Return the scales (n,) of a scan, up to those that settle it beyond one that is `standing`; their `Outcomes`."""
     count = scales.size if math.isinf(settled) else math.ceil(math.log(settled) / COARSE)
     outcomes = paths(scales[:count])
-    while outcomes.peak.size < scales.size and not outcomes.overturned[-count:].all():
+    while (size := outcomes.peak.size) < scales.size and not (
+        outcomes.overturned[-count:].all() and scales[size - 1] > standing
+    ):
         more = paths(scales[outcomes.peak.size : outcomes.peak.size + count])
         outcomes = Outcomes(*map(np.append, outcomes, more))
     return scales[: outcomes.peak.size], outcomes
@@ -131,16 +155,28 @@ class MotionOutcomes(NamedTuple):
         )
 
 
-def search(scene: Scene, *, seed: int, measure: str, highest: float | None, **lasting: Any) -> dict[str, Any]:  # noqa: ARG001  (a task has a seed)
-    """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale."""
+def search(
+    scene: Scene,
+    *,
+    seed: int,  # noqa: ARG001  (a task has one)
+    measure: str,
+    highest: float | None,
+    at: Sequence[float] = (),
+    **lasting: Any,
+) -> dict[str, Any]:
+    """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale.
+
+    The jumps agree with the outcomes at its own scale, at the scales `at`, and for a record as it was recorded.
+    """
     paths = ScaledPaths(scene, **lasting)
     (overturn_time,), (side,), (peak,) = paths([1.0])
     own = 1.0 if measure == "scale" else intensity_of(scene, measure)
     high = farthest_scale(scene) if highest is None else highest / own
     low = paths.least_scale or 1e-3 * high
     settled = SETTLED if highest is None else math.inf
+    recorded = 1.0 / getattr(scene.forcing, "scale", 1.0)
     return {
-        "jumps": jumps(paths, low, high, settled).tolist() if low < high else [],
+        "jumps": jumps(paths, low, high, settled, (1.0, recorded, *at)).tolist() if low < high else [],
         "peak": float(peak),
         "overturn_time": None if math.isnan(overturn_time) else float(overturn_time),
         "overturn_side": int(side),

@@ -632,10 +632,7 @@ def study(
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
-    mass, friction = (
-        None if value is None else checks.number(name, value, above=0.0)
-        for name, value in (("mass", mass), ("friction", friction))
-    )
+    mass, friction = _mass_and_friction(mass, friction, intensities)
     measure = measure_of(measure).name
     if intensities is not None:
         listed = intensities.tolist() if isinstance(intensities, np.ndarray) else intensities
@@ -704,6 +701,16 @@ def study(
         mass=mass,
         friction=friction,
     )
+
+
+def _mass_and_friction(mass, friction, intensities):
+    """Return mass and friction after a check: floats above 0, or None."""
+    given = {"mass": mass, "friction": friction}
+    for name, value in given.items():
+        given[name] = None if value is None else checks.number(name, value, above=0.0)
+    if mass is not None and intensities is None:
+        raise ValueError(checks.refusal("mass", mass, "together with intensities, at which the forces are stated"))
+    return given.values()
 
 
 def _labels(events, scenes):

@@ -230,8 +230,9 @@ def probability(
     that it is sooner. Band noise and filtered noise act as they are. After an interruption from the keyboard the result
     is that of the paths so far.
 
-    Where an engine has time steps, a quarter as many paths are sampled with steps four times as long. What these change
-    beyond sampling is added to the error: of any order from 1/2 on the error of the shorter steps is less.
+    Where an engine has time steps, a quarter as many paths are sampled with steps four times as long. By how much these
+    differ, beyond sampling, is added to the error: it is more than the shorter steps err by, if that falls at least
+    with the root of the step.
 
     Parameters
     ----------
@@ -244,7 +245,8 @@ def probability(
         Wanted error of the last probability, absolute and relative, above 0; the larger is enough. By
         default `tol` is .005, unless `rtol` is given.
     limit_s : float
-        Seconds of sampling or solving that are accepted. ValueError before the work begins where more are predicted.
+        Seconds of sampling or solving that are accepted. ValueError where more are predicted: after the first paths, or
+        after a part of this time where these do not tell.
         Machine code that is compiled the first time on a machine comes on top, up to some minutes on a slow one
         (``fpk-rocking warmup`` makes it ahead), as does what a busy machine takes longer than predicted.
     seed : int
@@ -641,7 +643,7 @@ def by_splitting(paths: Paths, outlook: Outlook) -> tuple[Found | None, float]:
     sides = total.repeat_overturned
     columns = np.concatenate([sides.sum(axis=2, keepdims=True), sides], axis=2)
     errors = STUDENT * columns.std(axis=0, ddof=1) / math.sqrt(REPEATS)
-    reason = f"Overturning is rare: plain paths were predicted to take {paths_s:.1g} s."
+    reason = f"Overturning is rare: plain paths would take at least {float(f'{paths_s:.1g}'):,g} s."
     return Found("splitting", reason, total.overturned, errors, REPEATS * total.walkers), predicted
 
 

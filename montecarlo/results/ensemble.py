@@ -191,8 +191,23 @@ class Histories(Paths):
 
     @property
     def impacts(self) -> Array:
-        """Number of impacts of each realization, shape (realizations,)."""
+        """Number of impacts of each realization, shape (realizations,).
+
+        Under white noise a start at rest has impacts without limit: shorter steps show more and slower ones.
+        """
         return np.bincount(self.impact_realization, minlength=self.realizations)
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences as of every result, and one where the number of impacts is that of the time steps."""
+        start = self.scene.start
+        if self.method != "white" or start.angle or start.velocity or start.covariance:
+            return super().remarks
+        said = (
+            "From a start at rest white noise makes impacts without limit: shorter steps show more of them, and slower "
+            "ones. Count impacts from a later time on, or of a start that moves."
+        )
+        return (*super().remarks, said)
 
     def model_diagnostics(self) -> list[Diagnostic]:
         """Diagnostics of the model, and of the time steps of a path where nothing is random."""

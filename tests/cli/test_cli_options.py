@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import cli, probability, solve_fpk
+from fpk_rocking import cli, options, probability, solve_fpk
 from fpk_rocking.compare import compare
 from fpk_rocking.density.evolution import Evolution
 from fpk_rocking.risk import Fragility, fragility
@@ -231,3 +231,10 @@ def test_peaks_in_g_take_the_place_of_scales(run):
 def test_workers_reach_the_sweep(run):
     with pytest.raises(AssertionError, match="workers: got 0, accepted: a whole number >= 1"):
         run("fragility", PERIODIC, **SCALED, workers=0)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [(".1", 0.1), ("-.25", -0.25), (" .5", 0.5), ("0.4 g", "0.4 g"), (".5 g", ".5 g")]
+)
+def test_a_number_of_set_may_begin_with_a_point(text, value):
+    assert options._setting(f"block.restitution={text}") == ("block.restitution", value)

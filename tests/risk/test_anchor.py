@@ -128,6 +128,15 @@ def test_no_probability_of_the_curve_lies_below_its_own_lower_limit(found, tmp_p
 def test_a_mass_is_refused_by_name_before_any_work():
     with pytest.raises(ValueError, match=re.escape("mass: got 0")):
         study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, mass=0.0)
+    with pytest.raises(ValueError, match=r"^mass: got 250.0, accepted: together with intensities"):
+        study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, mass=250.0)
+
+
+def test_a_hold_needs_an_acceleration_in_plain_numbers_and_a_size():
+    with pytest.raises(TypeError, match=r"^acceleration: got '0.45 g', accepted: a finite number >= 0"):
+        hold(Block(0.9, SIZE), "0.45 g")
+    with pytest.raises(ValueError, match=r"^block: got .*, accepted: one with a size"):
+        hold(Block(0.9), 4.0)
 
 
 def test_the_screen_says_what_probability_the_exported_curve_has_where_that_is_another_one(found):

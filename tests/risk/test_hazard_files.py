@@ -175,6 +175,7 @@ ASKED = r"accepted: a first line that names the columns, as 'PGA \(g\),annual ra
         # No map has 18 g in 475 years.
         ("PGA,return period\n18,475\n34,2475\n", r"got PGA in no unit, up to 34 at 0\.0004 a y.*, 'PGA \(%g\)'$"),
         ("PGV,return period\n9,475\n17,2475\n", r"got PGV in no unit, up to 17 at .*'PGV \(m/s\)', 'PGV \(cm/s\)'"),
+        ("PGA (g),return period\n475,0.15\n2475,0.32\n", r"got PGA in g, up to 2475 at 0\.0004 a year, .* exchanged"),
         ("PGA (g),return period\n0.2,0\n0.3,2\n", r"return period: got 0\.0, accepted: years above 0"),
         # Without names, what may be something else is asked.
         ("0.1,475\n0.3,2475\n", rf"got 475, 2475, \.\.\. in .* column, that rise, as return periods do, {ASKED}"),

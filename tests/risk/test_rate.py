@@ -282,7 +282,8 @@ def test_the_rate_of_the_exported_curve_is_named_where_it_differs():
     constant = 0.5 * law(without.intensity[0])  # and what lies below the points
     assert stepped.exported_rate > constant
     said = "Files for OpenQuake and pelicun carry the points of the curve, by which the rate is "
-    assert f"{said}{rate_text(stepped.exported_rate)}." in stepped.sentences
+    said = f"{said}{rate_text(stepped.exported_rate)}. They stand at the intensities that were asked for: ask for more."
+    assert said in stepped.sentences
 
 
 def test_what_of_the_upper_limit_comes_from_where_no_motion_overturns():

@@ -135,6 +135,6 @@ def test_lengths_in_millimetres_are_doubted():
 
 
 def test_a_kind_is_changed_by_a_new_part():
-    with pytest.raises(ValueError, match=r"^noise.kind: got 'none', accepted: values of .*Noise, or a new part, as in sc"):
+    with pytest.raises(ValueError, match=r"^noise.kind: got 'none', accepted: values of .*Noise, or a new part, as"):
         SCENE.varied(noise={"kind": "none"})
     assert SCENE.varied(noise=NoNoise()).noise == NoNoise()
