@@ -203,6 +203,8 @@ def _fragility(options):
         if not equals:
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: numbers("--over", values)}
+        if len(scenes) > 1:
+            raise ValueError(f"--over: got {options.over!r}, accepted: beside one motion, not {len(scenes)}")
     scenes, scales, measure = scenes_at_scales(options, scenes)
     motions = scenes
     uncertain, draws = distributions(options), None

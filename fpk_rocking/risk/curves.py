@@ -458,7 +458,7 @@ def fragility(
     have less sampling noise; the curves of two levels never cross under band noise or none.
 
     Without noise all scales at which the outcome changes are searched for (`critical_intensities`), and a probability
-    is 0 or 1 by those, which agree with the paths at each `scale`.
+    is 0 or 1 by the path at each `scale`. The search does not depend on `scale`.
 
     Parameters
     ----------
@@ -558,8 +558,8 @@ def fragility(
     if outcomes is None:
         probability = np.array([_overturned(row) for row in values])[job_of]
     else:
-        overturned = overturns(outcomes.jumps.reshape(len(rows), -1), factors).reshape(shape)
-        probability = np.where(np.array(list(map(bool, values)))[job_of], overturned, np.nan)
+        unknown = [math.nan] * len(factors)
+        probability = np.array([row["at"] if row else unknown for row in values], float).reshape(shape)
     noise = "white" if any(row.get("noise_replacement") for row in values) else engine if shaken != scenes else ""
     replaced = (
         f"At every scale {noise} noise of equal Melnikov variance replaces that of the scene: an approximation, which "

@@ -207,17 +207,20 @@ class IntensityCurve(Result):
     @property
     def title(self) -> str:
         """Limit state, number of motions and fit, as a line of text."""
-        of = (
-            f"{self.records} motions" if self.records > 1 else f"{self.units} blocks" if self.units > 1 else "one scene"
-        )
+        of = f"{self.records} motions" if self.records > 1 else f"{self.units} blocks" if self.units > 1 else self._one
         text = f"probability of '{self.name}' against {self.measure}{f' ({self.unit})' * bool(self.unit)}, from {of}"
         return text + f", median {self.fit.median:.3g}, dispersion {self.fit.dispersion:.2g}" * self.fitted
+
+    @property
+    def _one(self):
+        """What a curve is of that is not of several motions or blocks."""
+        return "one scene" if self.units > 1 or len(self.scenes) == 1 else "one event"
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
         half = float(0.5 * np.diff(self.point_limits).max())
-        what = "motions" if self.records > 1 else "blocks" if self.units > 1 else "scene"
+        what = "motions" if self.records > 1 else "blocks" if self.units > 1 else self._one.removeprefix("one ")
         sentence = (
             f"For others of their kind {self.units} {what} tell the probabilities to ±{half:.2g} at worst (95 %)."
         )
@@ -285,7 +288,7 @@ class IntensityCurve(Result):
 
     def describe(self) -> str:
         """Return limit state, measure, number of records, lognormal fit and sources of its dispersion as sentences."""
-        of = f"{self.records} records" if self.records > 1 else "one scene"
+        of = f"{self.records} records" if self.records > 1 else self._one
         unit = f" ({self.unit})" * bool(self.unit)
         text = f"Probability of '{self.name}' of a rocking block against {self.measure}{unit}, from {of}."
         fit = self.fit
@@ -372,7 +375,7 @@ class IntensityCurve(Result):
         origin = np.unique(labels if events is None else events, return_inverse=True)[1][origin]
         records = np.unique(origin)
         # Blocks that are drawn for one record stand for themselves.
-        motion = origin if records.size > 1 else np.arange(len(shares))
+        motion = origin if draws is None or records.size > 1 else np.arange(len(shares))
         if fragility.motions is not None:
             rows = at_one[0] * fragility.motions.jumps[:, which]
             common["jumps"] = _by_event(rows, motion)

@@ -164,9 +164,10 @@ def search(
     at: Sequence[float] = (),
     **lasting: Any,
 ) -> dict[str, Any]:
-    """Follow a scene without noise over its scales; return a dict: jumps, and the outcome at its own scale.
+    """Follow a scene without noise over its scales; return a dict: jumps, outcomes at its own scale and `at` others.
 
-    The jumps agree with the outcomes at its own scale, at the scales `at`, and for a record as it was recorded.
+    The jumps agree with the outcomes at its own scale, and for a record as it was recorded, but not with those `at`
+    others: what follows from the jumps does not depend on these.
     """
     paths = ScaledPaths(scene, **lasting)
     (overturn_time,), (side,), (peak,) = paths([1.0])
@@ -176,7 +177,8 @@ def search(
     settled = SETTLED if highest is None else math.inf
     recorded = 1.0 / getattr(scene.forcing, "scale", 1.0)
     return {
-        "jumps": jumps(paths, low, high, settled, (1.0, recorded, *at)).tolist() if low < high else [],
+        "jumps": jumps(paths, low, high, settled, (1.0, recorded)).tolist() if low < high else [],
+        "at": paths(at).overturned.tolist(),
         "peak": float(peak),
         "overturn_time": None if math.isnan(overturn_time) else float(overturn_time),
         "overturn_side": int(side),

@@ -117,7 +117,8 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     for name in ("width", "height") if scene.block.dimensions else LENGTHS:
         value = getattr(size, name)
         if not 0.005 <= value <= 100.0:
-            other = f"{1e3 * value:g} m" if value < 0.005 else f"{1e-3 * value:g} m"
+            others = (1e3 * value,) if value < 0.005 else (1e-2 * value, 1e-3 * value)
+            other = " or ".join(f"{meant:g} m" for meant in others if 0.05 <= meant <= 5.0) or f"{others[0]:g} m"
             sentences.append(f"block.{kind}.{name} is {value:g} m; was {other} meant?")
     unit = size.gravity * size.critical_angle
     noise = _noise_rms(scene.noise) * unit

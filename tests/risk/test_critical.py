@@ -19,7 +19,7 @@ from fpk_rocking.risk import (
 )
 from fpk_rocking.risk.critical import factor_diagnostics
 from fpk_rocking.risk.motions import motion_names, recorded_scenes
-from fpk_rocking.risk.search import equivalent_scale, first_scale, overturns
+from fpk_rocking.risk.search import first_scale, overturns
 from fpk_rocking.studies import scaled
 from montecarlo import simulate
 from montecarlo.engines.scaled_paths import ScaledPaths
@@ -169,13 +169,14 @@ def test_noise_is_refused():
         critical_intensities(noisy, MOTIONS[:1], highest=1.0)
 
 
-def test_fragility_without_noise_is_by_the_jumps_and_hardly_by_the_number_of_scales(suite, tmp_path):
+def test_fragility_without_noise_is_by_the_jumps_and_not_by_the_number_of_scales(suite, tmp_path):
     scenes = list(suite.scenes)
     few, many = (fragility(scenes, scale=np.geomspace(1.0, HIGHEST, count), levels=[0.5]) for count in (3, 20))
     for curves in (few, many):
-        assert np.array_equal(curves.overturned, overturns(curves.motions.jumps[:, 0], curves.scale))
-        np.testing.assert_allclose(curves.motions.critical, suite.critical, rtol=1e-3)
-        np.testing.assert_allclose(equivalent_scale(curves.motions.jumps[:, 0]), suite.equivalent, rtol=5e-3)
+        assert np.array_equal(curves.motions.jumps[:, 0, : suite.jumps.shape[1]], suite.jumps, equal_nan=True)
+        by_jumps = suite.overturned(np.minimum(curves.scale, HIGHEST))
+        assert np.count_nonzero(curves.overturned != by_jumps) <= 0.05 * by_jumps.size
+        assert curves.motions.critical.tolist() == suite.critical.tolist()
     # A block that overturns has passed each level before.
     assert (many.reached[:, 0] >= many.overturned).all()
     assert (many.reached[:, 0] > many.overturned).any()

@@ -45,7 +45,7 @@ def test_draws_are_stratified_and_set_in_their_order():
         ({"width": "gamma:1:2"}, r"^uncertain\['width'\]: got 'gamma:1:2'"),
         (
             {"width": "beta:2:3"},
-            r"^uncertain\['width'\]: got 'beta:2:3', accepted: .*, 'beta:A:B:LOW:HIGH' with numbers",
+            r"^uncertain\['width'\]: got 'beta:2:3', accepted: .*, 'beta:A:B:LOW:HIGH', with LOW below HIGH",
         ),
         ({"width": "beta:2:0:0.5:0.7"}, r"^uncertain\['width'\]: got 'beta:2:0:0.5:0.7'"),
         ({"width": "beta:2:3:0.7:0.5"}, r"^uncertain\['width'\]: got 'beta:2:3:0.7:0.5'"),

@@ -36,6 +36,15 @@ def test_an_event_counts_as_one_motion_by_the_mean_of_its_components():
     assert curve.fit.median == pytest.approx(math.exp(np.mean([np.log(group).mean() for group in groups])), rel=1e-12)
 
 
+def test_two_components_of_one_event_alone_have_no_limits():
+    """As two motions they would have the limits of two outcomes."""
+    curve = IntensityCurve.of(searched(np.log([0.5, 0.8])), "scale", samples=99, events=["a", "a"])
+    assert (curve.records, curve.units) == (1, 1)
+    assert curve.title.endswith("from one event")
+    assert np.isnan(curve.point_limits).all()
+    assert set(curve.probability) <= {0.0, 0.5, 1.0}
+
+
 def test_two_components_whose_files_say_the_same_event_and_station_are_one_motion():
     texts = ["EVENT, STATION, 090", "EVENT, STATION, 000", "EVENT, OTHER, 090", "", "", "PEER", "PEER", "PEER"]
     texts += ["A, EW", "A, NS", "TIME, ABN", "TIME, CDN", "10:05, IWT008", "10:05, IWT008"]

@@ -243,6 +243,8 @@ def test_what_was_hardly_meant_is_named():
     (width, height, *_) = implausible(Scene.from_block(600.0, 2000.0, 3.0, 1.5))
     assert width == "block.dimensions.width is 600 m; was 0.6 m meant?"
     assert height.startswith("block.dimensions.height is 2000 m")
+    high = Scene.from_block(30.0, 110.0, "2 g", 1.5)
+    assert any(said.endswith("is 110 m; was 1.1 m or 0.11 m meant?") for said in implausible(high))
     (small,) = implausible(Scene.from_block(0.0006, 0.01, "2 g", 1.5))
     assert small == "block.dimensions.width is 0.0006 m; was 0.6 m meant?"
     (weak,) = implausible(Scene.from_block(0.6, 2.0, 0.3, 1.5))
