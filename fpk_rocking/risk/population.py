@@ -214,7 +214,7 @@ class IntensityCurve(Result):
     @property
     def _one(self):
         """What a curve is of that is not of several motions or blocks."""
-        return "one scene" if self.units > 1 or len(self.scenes) == 1 else "one event"
+        return "one event" if self.units == 1 < len(self.scenes) else "one scene"
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
@@ -222,7 +222,8 @@ class IntensityCurve(Result):
         half = float(0.5 * np.diff(self.point_limits).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else self._one.removeprefix("one ")
         sentence = (
-            f"For others of their kind {self.units} {what} tell the probabilities to ±{half:.2g} at worst (95 %)."
+            f"For others of their kind {self.units} {what} {'tells' if self.units == 1 else 'tell'} the probabilities to "
+            f"±{half:.2g} at worst (95 %)."
         )
         few = [] if math.isnan(half) else [Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
         return [*self.model, *self.fit_diagnostics, *few]

@@ -38,7 +38,7 @@ def test_a_scale_is_not_said_to_be_a_multiple_of_the_motion(tmp_path, capsys):
         printed[option] = " ".join(capsys.readouterr().out.split())
     scene = dataclasses.replace(block, forcing=record(1))
     critical = critical_intensities(scene, highest=3.0, measure="PGA")
-    assert "a.txt: PGA 1 g, PGV " in printed["--pga"]
+    assert "a.txt: scaled to PGA 1 g: PGA 1 g, PGV " in printed["--pga"]
     assert f"critical at PGA {critical.critical[0]:.4g} g" in printed["--pga"]
     assert "PGA, g PGV, m/s overturned" in printed["--pga"]
     assert "scale PGA, g PGV, m/s overturned" in printed["--scales"]
