@@ -221,9 +221,9 @@ class IntensityCurve(Result):
         """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
         half = float(0.5 * np.diff(self.point_limits).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else self._one.removeprefix("one ")
+        tell = "tells" if self.units == 1 else "tell"
         sentence = (
-            f"For others of their kind {self.units} {what} {'tells' if self.units == 1 else 'tell'} the probabilities to "
-            f"±{half:.2g} at worst (95 %)."
+            f"For others of their kind {self.units} {what} {tell} the probabilities to ±{half:.2g} at worst (95 %)."
         )
         few = [] if math.isnan(half) else [Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
         return [*self.model, *self.fit_diagnostics, *few]
