@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Progress
 from fpk_rocking.density.tuning import TUNING
+from fpk_rocking.results.trust import NEGATIVE
 
 SOLUTIONS = 3
 """Least number of solutions: the last, and two that serve its error estimate alone."""
@@ -61,7 +62,8 @@ def refine(
             break
         solutions.append(solve(resolution, solutions[-1] if solutions else None))
         finer = len(resolutions) - number
-        if number == SOLUTIONS - 1 and coarser and is_done(estimate_errors(solutions, finer, bins_last)):
+        agree = number == SOLUTIONS - 1 and coarser and is_done(estimate_errors(solutions, finer, bins_last))
+        if agree and solutions[-1].negative_mass <= NEGATIVE:
             solutions.insert(0, solve(coarser[-1], None))
         if len(solutions) >= SOLUTIONS:
             refined = estimate_errors(solutions, finer, bins_last)

@@ -30,6 +30,9 @@ SMALL = 0.4
 NEGLIGIBLE = 1e-3
 """Error of a density, in parts of the wanted one and of `REPLACED`, that needs no caution however small P is."""
 
+NEGATIVE = 0.01
+"""Negative mass of a density above which there is caution."""
+
 REPLACED = 0.01
 """Total error of a density's probabilities, the measured replacement of its noise included, that needs no caution; the
 tolerance that was asked for, where that is larger."""
@@ -166,7 +169,7 @@ def _limits(tol, bins_tol, values=()):
     errors = [np.max(values[name]) for name in ("total_error", "error_estimate") if np.size(values.get(name, ()))]
     overturning = never if errors and errors[0] <= NEGLIGIBLE * min(tol, REPLACED) else (SMALL, math.inf)
     # Mass at rest rattles below the mesh and may be negative there; a solver that knows the rest is judged by that.
-    negative = never if "moving_negative_mass" in values else (1e-2, useless)
+    negative = never if "moving_negative_mass" in values else (NEGATIVE, useless)
     return {
         "total_error": (
             "largest total error of all times, with the replacement of the noise,",
@@ -186,7 +189,7 @@ def _limits(tol, bins_tol, values=()):
         "truncated": ("probability truncated beyond the largest velocity of the mesh", tol, useless),
         "mass_defect": ("mass defect (probability that the solver created or lost)", 1e-9, tol),
         "negative_mass": (f"negative mass ({below})", *negative),
-        "moving_negative_mass": (f"negative mass ({below}, blocks at rest left out)", 1e-2, useless),
+        "moving_negative_mass": (f"negative mass ({below}, blocks at rest left out)", NEGATIVE, useless),
         "residual": ("residual of the modes", 1e-6, tol),
     }
 

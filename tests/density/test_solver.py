@@ -78,22 +78,23 @@ def test_the_sides_count_where_survival_is_the_same():
 
 
 @pytest.mark.parametrize(
-    ("survival", "taken"),
+    ("survival", "negative", "taken"),
     [
-        ({1: 0.5, 2: 0.6, 3: 0.61, 4: 0.6101}, [1, 2, 3, 4]),
-        ({1: 0.5022, 2: 0.5, 3: 0.5}, [1, 2, 3]),  # 1.4 times the difference is beyond the tolerance
-        ({0: 0.507, 1: 0.5021, 2: 0.5}, [1, 2, 0]),
-        ({0: 0.7, 1: 0.501, 2: 0.5, 3: 0.5}, [1, 2, 0, 3]),  # the coarsest is too far off to tell anything
+        ({1: 0.5, 2: 0.6, 3: 0.61, 4: 0.6101}, 0.0, [1, 2, 3, 4]),
+        ({1: 0.5022, 2: 0.5, 3: 0.5}, 0.0, [1, 2, 3]),  # 1.4 times the difference is beyond the tolerance
+        ({0: 0.507, 1: 0.5021, 2: 0.5}, 0.0, [1, 2, 0]),
+        ({0: 0.7, 1: 0.501, 2: 0.5, 3: 0.5}, 0.0, [1, 2, 0, 3]),  # the coarsest is too far off to tell anything
+        ({1: 0.5001, 2: 0.5, 3: 0.5}, 0.011, [1, 2, 3]),  # the verdict would be "caution"
     ],
 )
-def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, taken):
+def test_where_two_solutions_agree_the_third_is_a_coarser_one(survival, negative, taken):
     solved = []
 
     def solve(number, before):
         assert before is None or before.number == solved[-1] or solved[-1] == 0
         solved.append(number)
         compared = {"quantity": np.array([survival[number]]), "bins": np.zeros((1, 1)), "resolved": np.array([True])}
-        return types.SimpleNamespace(number=number, error=max, negative_mass=0.0, **compared)
+        return types.SimpleNamespace(number=number, error=max, negative_mass=negative, **compared)
 
     refined = refinement.refine(
         [1, 2, 3, 4], solve, lambda *_: True, lambda refined: refined.within(0.003, 0.1), coarser=[0]
