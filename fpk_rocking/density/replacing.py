@@ -22,6 +22,7 @@ import numpy as np
 
 from fpk_rocking.base.checks import Array
 from fpk_rocking.physics.noise.equivalence import forgetful_diffusion, realized_spread, relative_variance
+from fpk_rocking.results.trust import REPLACED
 from fpk_rocking.scene.scene import Scene
 
 REPLACEMENTS = "white", "exponential", "filtered"
@@ -55,7 +56,8 @@ class Choice(NamedTuple):
     errors: dict[str, float]
     reason: str
     tol: float
-    """Error to which the density is to be solved: the wanted one, or a third of what the replacement neglects."""
+    """Error to which the density is to be solved: the wanted one, or a third of what the replacement neglects, at most
+    .01."""
 
     @property
     def error(self) -> float:
@@ -128,7 +130,8 @@ def choose(
     name = min(errors, key=lambda name: errors[name])
     why = f"the fastest within {tol:g}" if errors[name] <= tol else f"the most accurate, as none is within {tol:g}"
     reason = f"{name} noise is {why} (estimated errors: {', '.join(texts)})"
-    solved_to = max(tol, _SOLVED_PART * errors[name])
+    # Beyond REPLACED the verdict would allow more.
+    solved_to = max(tol, min(_SOLVED_PART * errors[name], REPLACED))
     reason += f"; so the density is solved to {solved_to:.1g}" * (solved_to > tol)
     return Choice(name, replaced_scene(scene, name), errors, reason, solved_to)
 

@@ -175,7 +175,7 @@ def search(
     high = farthest_scale(scene) if highest is None else highest / own
     low = paths.least_scale or 1e-3 * high
     settled = SETTLED if highest is None else math.inf
-    recorded = 1.0 / getattr(scene.forcing, "scale", 1.0)
+    recorded = 1.0 / (abs(getattr(scene.forcing, "scale", 1.0)) or 1.0)
     return {
         "jumps": jumps(paths, low, high, settled, (1.0, recorded)).tolist() if low < high else [],
         "at": paths(at).overturned.tolist(),

@@ -71,6 +71,9 @@ def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate(
 
     assert replacing.choose(MAIN, 1e-6, linear, refuses).name == "white"
     assert "exponential refused, filtered refused" in replacing.choose(MAIN, 1e-6, linear, refuses).reason
+    # A larger tolerance would let the verdict be "ok" of larger errors.
+    far = replacing.choose(MAIN, 1e-6, lambda scene: (linear(scene)[0], 1.0), refuses)
+    assert (far.tol, far.error > 0.03) == (0.01, True)
 
     def refuses_two_states(scene):
         if scene.noise.kind == "filtered" and scene.noise.space.order == 2:
