@@ -39,7 +39,7 @@ class Evolution(SurvivalResult):
     noise_replacement : str
         Which noise replaced the band noise, as a sentence; empty where none was replaced.
     tol, wall_s : float
-        Wanted error of survival, and seconds of the call.
+        Error of survival that was solved to, see `solve_fpk`, and seconds of the call.
     times, survival : ndarray, shape (rows,)
         Times from 0 on, and probability of not having overturned.
     overturned : ndarray, shape (rows, 2)

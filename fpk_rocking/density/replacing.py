@@ -56,8 +56,7 @@ class Choice(NamedTuple):
     errors: dict[str, float]
     reason: str
     tol: float
-    """Error to which the density is to be solved: the wanted one, or a third of what the replacement neglects, at most
-    .01."""
+    """Error to solve the density to: the wanted one or, up to .01, a third of what the replacement neglects."""
 
     @property
     def error(self) -> float:

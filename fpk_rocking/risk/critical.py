@@ -281,11 +281,10 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    text = f"; for {far_always} of the {factor.size} that from which they always do is above {LARGEST_FACTOR:g}"
-    more = text * (far_always > far.size)
+    more = f", and {far_always} of {factor.size} for it to overturn at all higher factors" * (far_always > far.size)
     sentence = (
-        f"{far.size} of {factor.size} motions overturn the block first at a factor of more than {LARGEST_FACTOR:g} on "
-        f"their own strength, up to {far.max():.3g}{more}. Common advice is to scale a record by 4 or 5 at most "
+        f"{far.size} of {factor.size} motions must be scaled by more than {LARGEST_FACTOR:g}, up to {far.max():.3g}, "
+        f"to overturn the block{more}. Common advice is to scale a record by 4 or 5 at most "
         "(reviewed by Bommer and Acevedo, J. Earthquake Eng. 8(S1), 43-91, 2004): strong motions differ from weak ones "
         "in frequency content and duration, which no factor changes. Take stronger records."
     )

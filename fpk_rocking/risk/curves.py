@@ -187,7 +187,7 @@ class Fragility(Result):
     def _fit(self, curve, deterministic):
         """Return the `LognormalFit` of a `curve` (n,) of probabilities; of one path it has a reason alone."""
         if deterministic:
-            return LognormalFit(reason=f"nothing is random: {outcomes_text(self.scale, curve)}")
+            return LognormalFit(reason=f"nothing is random; {outcomes_text(self.scale, curve)}")
         return fit_lognormal(self.scale, curve, self.realizations or None)
 
     @functools.cached_property

@@ -191,7 +191,7 @@ class Designs(Result):
             each = row[np.isfinite(row)]
             text = f"{other.name} over {first.name}: {unit} that overturns it, in the median, {_limits(*ratio[:3])}"
             if math.isnan(ratio.median_low):
-                text += " (no limits: for one of the two no lognormal capacities, or they are rejected)"
+                text += " (no limits, as one of the two has no lognormal capacities)"
             text += f", for single motions {each.min():.3g} to {each.max():.3g}" * bool(each.size)
             text += f"; annual rate {_limits(*ratio[3:])}" * bool(first.risk)
             unknown = math.isnan(ratio.rate_low) and not math.isnan(ratio.rate)

@@ -161,7 +161,7 @@ def distribution_of(name: str, law: Any) -> Any:
     if hasattr(law, "ppf"):
         return law
     laws = "uniform:LOW:HIGH", "normal:MEAN:DEVIATION", "lognormal:MEDIAN:DISPERSION", "beta:A:B:LOW:HIGH"
-    accepted = f"{', '.join(map(repr, laws))}, with LOW below HIGH and what is not LOW, HIGH or MEAN above 0"
+    accepted = f"{', '.join(map(repr, laws))}, with LOW below HIGH, and A, B, MEDIAN, DEVIATION and DISPERSION above 0"
     refusal = checks.refusal(f"uncertain[{name!r}]", law, f"{accepted}, or a distribution of scipy.stats")
     if not isinstance(law, str):
         raise TypeError(refusal)

@@ -124,10 +124,11 @@ def test_a_large_factor_is_a_caution():
     assert factor_diagnostics(np.array([0.5, 5.0, math.inf])) == []
     (caution,) = factor_diagnostics(np.array([0.5, 7.3, math.inf]))
     assert caution.severity == 1
-    assert caution.message.startswith("1 of 3 motions overturn the block first at a factor of more than 5 on their own")
-    assert "up to 7.3. Common" in caution.message
+    assert caution.message.startswith(
+        "1 of 3 motions must be scaled by more than 5, up to 7.3, to overturn the block. Common"
+    )
     (caution,) = factor_diagnostics(np.array([0.5, 7.3, math.inf]), np.array([6.0, 9.0, math.inf]))
-    assert "up to 7.3; for 3 of the 3 that from which they always do is above 5. Common" in caution.message
+    assert "to overturn the block, and 3 of 3 for it to overturn at all higher factors. Common" in caution.message
 
 
 def test_files_hold_it(suite, tmp_path):
