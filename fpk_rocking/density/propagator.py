@@ -153,7 +153,7 @@ class Propagator(abc.ABC):
         survival, at_rest, resolved = np.ones(rows), np.zeros(rows), np.zeros(rows, dtype=bool)
         coefficients[0], outflow[0, :2] = initial_density(start, self.space, self.scene.overturning.angle)
         survival[0] -= outflow[0].sum()
-        at_rest[0] = float(self.rests_exactly and not (start.angle or start.velocity or start.covariance))
+        at_rest[0] = float(self.rests_exactly and start.at_rest)
         for state in self.states(times, start):
             if _reached(state, times[row]):
                 coefficients[row], outflow[row], at_rest[row], resolved[row] = self.density_of(state)

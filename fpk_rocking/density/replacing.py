@@ -109,7 +109,7 @@ def choose(
     def estimate(name, replaced):
         others = [times_as_strong(forgetful_diffusion(scene.noise) / forgetful_diffusion(replaced.noise)), *in_band]
         # The future of a block that rests is that of a start at rest; of another start it is not known.
-        overturned = 1.0 - float(min(found[-1, 0] for found in (usual, *others))) if _starts_at_rest(scene) else 1.0
+        overturned = 1.0 - float(min(found[-1, 0] for found in (usual, *others))) if scene.start.at_rest else 1.0
         parts = max(float(np.abs(other - usual).max()) for other in others), resting * overturned
         return float(np.dot(_WEIGHTS[name], parts))
 
@@ -135,14 +135,10 @@ def choose(
     return Choice(name, replaced_scene(scene, name), errors, reason, solved_to)
 
 
-def _starts_at_rest(scene):
-    return not (scene.start.angle or scene.start.velocity or scene.start.covariance)
-
-
 def _left_at_rest(scene):
     """Probability that the noise of a scene does not lift the block off at the start; 0.0 of one that does not rest."""
     level = scene.block.lift_off
-    if not _starts_at_rest(scene):
+    if not scene.start.at_rest:
         return 0.0
     ends = [(level - scene.forcing.value(0.0)), (-level - scene.forcing.value(0.0))]
     above, below = (0.5 * math.erf(end / math.sqrt(2.0 * scene.noise.variance)) for end in ends)

@@ -48,7 +48,7 @@ class StartUp:
         self._look_ahead = period + self._waiting
         self._initial = Gaussian.of(start)
         x, v = self._initial.mean
-        self._still = not self._initial.mean.any() and not self._initial.covariance.any()
+        self._still = start.at_rest
         self._side = 1 if (x or v or dynamics.force(0.0)) > 0.0 else -1
         self._exact = dynamics.block.critical_angle is not None
         self._flight = exact_flight(self._initial, dynamics, self._side) if self._exact else None
@@ -285,7 +285,7 @@ class FilteredStart:
     @property
     def at_rest(self) -> bool:
         """Whether the block starts at rest and the noise decides when it is lifted off: a bool."""
-        if self._mean.any() or self._covariance.any():
+        if not self.scene.start.at_rest:
             return False
         room = TUNING.filtered_reach * math.sqrt(self.scene.noise.variance)
         return abs(self.scene.forcing.value(0.0)) <= self.dynamics.lift_off + room

@@ -94,10 +94,10 @@ class TransientPropagator(Propagator):
         self._sticking = Sticking(self.dynamics, times[-1], self._forgetting)
         edges = step_edges(self.scene, self.duration, times)
         state = TransientState(edges, np.zeros(self.space.shape), np.zeros(3))
-        if start.angle or start.velocity or start.covariance:
-            state.injections.append(self._injection(0.0, 1.0, start, edges))
-        else:
+        if start.at_rest:
             state.sticking = 1.0
+        else:
+            state.injections.append(self._injection(0.0, 1.0, start, edges))
         return state
 
     def advance(self, state: TransientState, latest: float) -> TransientState:

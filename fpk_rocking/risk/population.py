@@ -155,7 +155,7 @@ class IntensityCurve(Result):
     def log_lift_off(self) -> float:
         """Logarithm of the intensity up to which nothing lifts blocks off; -inf where noise or motions decide it."""
         on_floor = any(isinstance(scene.forcing, FloorMotion) for scene in self.scenes)
-        resting = all(scene.start.angle == scene.start.velocity == 0.0 for scene in self.scenes)
+        resting = all(scene.start.at_rest for scene in self.scenes)
         level = all(scene.forcing.vertical is None for scene in self.scenes)
         if len(self.jumps) and self.measure in ("PFA", "PGA")[: 2 - on_floor] and resting and level:
             return math.log(min(lift_off_g(scene.block) for scene in self.scenes))

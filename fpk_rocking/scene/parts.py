@@ -286,6 +286,11 @@ class Start:
         if self.covariance is not None:
             checks.keep(self, covariance=_covariance(self.covariance))
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether the block is at rest at τ = 0: a point at angle and velocity 0."""
+        return self.angle == self.velocity == 0.0 and self.covariance is None
+
 
 def _covariance(value):
     """Return a covariance as a tuple ((xx, xv), (xv, vv)) after a check that it is symmetric and positive definite."""

@@ -137,8 +137,7 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
         value = least * noise
         sentences.append(f"The rms of the noise is {_in_both_units(value)}; was {1e-2 * value:.4g} m/s² meant (cm/s²)?")
     peak, needed = most * scene.forcing.largest * unit, scene.block.lift_off * unit
-    still = scene.start.angle == scene.start.velocity == 0.0 and scene.start.covariance is None
-    if still and weak and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:
+    if scene.start.at_rest and weak and 0.0 < peak < weakest and peak + 3.0 * most * noise < needed:
         sentences.append(
             f"The peak acceleration of the forcing is {_in_both_units(peak)}, and this block lifts off above "
             f"{_in_both_units(needed)}: it does not move. Was {peak:.4g} g meant?"

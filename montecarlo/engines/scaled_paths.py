@@ -48,7 +48,7 @@ class ScaledPaths:
         """Factor up to which the forcing does not lift off a block at rest; 0 for one that starts otherwise."""
         scene = self._run.scene
         lifting = scene.forcing.lifting(lift_off(scene.block.critical_angle))
-        return 0.0 if scene.start.angle or scene.start.velocity or not lifting > 0.0 else 1.0 / lifting
+        return 1.0 / lifting if scene.start.at_rest and lifting > 0.0 else 0.0
 
     def __call__(self, scales):
         """Return the `Outcomes` of n paths, one at each of the `scales` (n,), factors above 0."""

@@ -241,8 +241,7 @@ class Sample(Paths, SurvivalResult):
 
     def _outcome(self):
         if self.first_overturning is None:
-            start, lifting = self.scene.start, self.scene.forcing.lifting(self.scene.block.lift_off)
-            still = start.angle == start.velocity == 0.0 and lifting <= 1.0
+            still = self.scene.start.at_rest and self.scene.forcing.lifting(self.scene.block.lift_off) <= 1.0
             return f"deterministic: {'rests' if still else 'stands'} until {self._time_text(self.times[-1])}"
         low, high, side = self.first_overturning
         at = f"at {self._time_text(high)}"

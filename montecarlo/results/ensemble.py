@@ -200,8 +200,7 @@ class Histories(Paths):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences as of every result, and one where the number of impacts is that of the time steps."""
-        start = self.scene.start
-        if self.method != "white" or start.angle or start.velocity or start.covariance:
+        if self.method != "white" or not self.scene.start.at_rest:
             return super().remarks
         said = (
             "From a start at rest white noise makes impacts without limit: shorter steps show more of them, and slower "

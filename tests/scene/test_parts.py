@@ -13,6 +13,7 @@ from fpk_rocking import (
     NoNoise,
     Overturning,
     Scene,
+    Start,
     WhiteNoise,
 )
 from fpk_rocking.scene import ranges
@@ -138,3 +139,9 @@ def test_a_kind_is_changed_by_a_new_part():
     with pytest.raises(ValueError, match=r"^noise.kind: got 'none', accepted: values of .*Noise, or a new part, as"):
         SCENE.varied(noise={"kind": "none"})
     assert SCENE.varied(noise=NoNoise()).noise == NoNoise()
+
+
+def test_a_start_is_at_rest_if_it_is_the_point_at_angle_and_velocity_0():
+    spread = ((1e-4, 0.0), (0.0, 1e-4))
+    starts = Start(), Start(0.1), Start(0.0, -0.1), Start(0.0, 0.0, spread)
+    assert [start.at_rest for start in starts] == [True, False, False, False]
