@@ -103,11 +103,12 @@ class Hazard:
         Parameters
         ----------
         rate : float
-            k₀: the annual rate at which the intensity 1 is exceeded, above 0.
+            k₀: the annual rate at which 1 g or 1 m/s is exceeded, above 0, at most 1.
         exponent : float
             k, above 0.
         """
-        rate, exponent = checks.number("rate", rate, above=0.0), checks.number("exponent", exponent, above=0.0)
+        rate = checks.number("rate at 1 g or 1 m/s", rate, above=0.0, at_most=1.0)
+        exponent = checks.number("exponent", exponent, above=0.0)
         ends = np.array([1e-3, 1e3])
         return cls(ends, rate * ends**-exponent)
 

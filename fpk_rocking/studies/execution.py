@@ -275,7 +275,8 @@ def _read_rows(file, path: pathlib.Path, header: bytes, digests: dict[int, str])
     for number, text in enumerate(lines[1:], 2):
         row = _entry(path, text, number, _ROW)
         if digests.get(row["cell"]) != row.pop("digest"):
-            raise ValueError(refused.format(f"another scene {row['cell']}", "the same scenes, in this order, and seed"))
+            accepted = "the same scenes, motions and intensities, in this order, and seed"
+            raise ValueError(refused.format(f"another scene {row['cell']}", accepted))
         rows[row["cell"]] = row
     file.truncate(len(content) - len(rest))
     return rows

@@ -124,6 +124,11 @@ def test_a_study_of_synthetic_motions_and_uncertain_blocks(tmp_path, capsys):
     arguments[3] = "1e-3:-1"
     assert cli.main(arguments) == 2
     assert "--hazard: got '1e-3:-1', accepted: a file, or K0:K (exponent: got -1.0" in capsys.readouterr().err
+    arguments[3] = "475:0.15"
+    assert cli.main(arguments) == 2
+    assert "K0:K (rate at 1 g or 1 m/s: got 475.0, accepted: a finite number > 0.0 and <= 1.0)" in (
+        capsys.readouterr().err
+    )
     arguments[3] = str(tmp_path / "h.csv")
     assert cli.main([*arguments, "--records", "x.AT2"]) == 2
     assert "--synthetic: got 5, accepted: nothing beside --records" in capsys.readouterr().err

@@ -247,7 +247,9 @@ def test_stores_of_other_sweeps_are_refused(tmp_path):
         "store: got .*rows.jsonl with options = .*'realizations': 10}, accepted: a new file, or that .*: 20}": {
             "realizations": 20
         },
-        "with another scene 0, accepted: .* sweep with the same scenes, in this order, and seed": {"seed": 2},
+        "with another scene 0, accepted: .* the same scenes, motions and intensities, in this order, and seed": {
+            "seed": 2
+        },
         "with task = 'fpk_rocking.studies.tasks.mc'": {"task": "fpk"},
     }.items():
         with pytest.raises(ValueError, match=refused):
