@@ -144,8 +144,8 @@ def main():
     write_section(
         "Density solver: speed against error",
         f"""**Result** (tolerance, seconds, largest error in survival): {result}.
-Errors are distances from the finest mesh. That of the last tolerance is hardly coarser, {rows[-1][3]} apart: smaller
-errors cannot be told from each other.
+Errors are distances from the finest mesh. The mesh of the last tolerance is hardly coarser, {rows[-1][3]} apart:
+smaller errors cannot be resolved.
 
 Main scene with white noise, 10 cycles, from rest. Seconds are those of the whole call, set-up and estimate included:
 median of three, on both cores. Errors are against 10⁷ independent paths (sampling alone: dS 1.6e-4, L1 .0014 .0023

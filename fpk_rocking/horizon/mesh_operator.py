@@ -306,8 +306,7 @@ def bound_for_all_phases(white):
     """Bound of |v| for starts at every phase: a faster block overturns.
 
     To stand after an impact at v, e v must be below the speed of a sure escape. What is lost on the way to the impact
-    is bounded by the cut-off, the swing of the forcing and eight standard deviations of the noise (derived in
-    docs/theory, "One cycle as an operator").
+    is bounded by the cut-off, the swing of the forcing and eight standard deviations of the noise.
     """
     noise = TUNING.deviations * math.sqrt(white.noise.diffusion)
     least, escape = min(white.block.restitution_by_side), escape_speed(white, white.noise.diffusion)
