@@ -136,12 +136,14 @@ FLOOR = "PFA", "PFV"
 
 def measure_of(name: str, what: str = "measure") -> Measure:
     """Return the `Measure` of a name, as "PGA" or "Sa(1.0)", OpenQuake's "SA(1.0)" too; ValueError for another one."""
-    spectral = re.fullmatch(SPECTRAL, str(name).strip().lower())
+    text = str(name).strip()
+    spectral = re.fullmatch(SPECTRAL, text.lower())
     if spectral and PERIODS[0] <= float(spectral[1]) <= PERIODS[1]:
         return Measure(f"Sa({float(spectral[1])!r})", "", "g", STANDARD_GRAVITY, float(spectral[1]))
     if name not in MEASURES:
         periods = "{:g} to {:g}".format(*PERIODS)
         accepted = f"{', '.join(map(repr, MEASURES))}, or 'Sa(T)' with a period of {periods} s"
+        accepted += f"; did you mean {text.upper()}?" * (text.upper() in MEASURES)
         raise ValueError(checks.refusal(what, name, accepted))
     return MEASURES[name]
 

@@ -21,6 +21,8 @@ def test_scenes_at_an_intensity_have_it():
         assert at_intensity(scene, measure, 0.4, noise=False).noise == scene.noise
     with pytest.raises(ValueError, match=r"^measure: got 'PGD', accepted: 'PGA', 'PGV'"):
         at_intensity(scene, "PGD")
+    with pytest.raises(ValueError, match=r"^measure: got 'pga', .*; did you mean PGA\?$"):
+        at_intensity(scene, "pga")
     with pytest.raises(ValueError, match=r"^scene: got .* a block with dimensions"):
         at_intensity(Scene(Block(0.9), Harmonic(1.0, 2.0), NoNoise()))
 
