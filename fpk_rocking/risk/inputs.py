@@ -14,7 +14,7 @@ from fpk_rocking.physics.noise.filters import FILTERS
 from fpk_rocking.risk.spectra import oscillator
 from fpk_rocking.scene.parts import LENGTHS
 from fpk_rocking.scene.scene import Scene
-from fpk_rocking.studies.scenes import varied
+from fpk_rocking.studies.scenes import meant, varied
 
 
 class Draws(NamedTuple):
@@ -93,7 +93,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     for number, place in enumerate(origin):
         copy = scenes[place]
         for name, column in values.items():
-            copy = _with_value(copy, name, column[number])
+            copy = _with_value(copy, name, column[number], uncertain[name])
         copies.append(copy)
     return Draws(tuple(copies), values, origin)
 
@@ -112,15 +112,25 @@ def concentrated(points: Array, weights: Array, count: int, seed: int) -> tuple[
     return new, 1.0 / (1.0 - share + share * density)
 
 
-def _with_value(scene, name, value):
-    """Return a copy of a scene with the parameter `name` set to `value`, or multiplied by it."""
-    if not name.endswith("_factor"):
-        return varied(scene, name, value)
+def _with_value(scene, name, value, law):
+    """Return a copy of a scene with the parameter `name` set to a `value` drawn from `law`, or multiplied by it."""
     parameter = name.removesuffix("_factor")
     own = _value(scene, parameter)
-    if parameter == "block.restitution" and isinstance(own, tuple):
-        return varied(scene, parameter, tuple(value * side for side in own))
-    return varied(scene, parameter, value * checks.number(f"uncertain[{name!r}] of", own))
+    if own is None and parameter != name:
+        accepted = "the name of a value that the scene has with '_factor', such as 'width_factor'"
+        raise ValueError(checks.refusal("uncertain", name, accepted + meant(scene, parameter, "_factor")))
+    if own is None:
+        return varied(scene, parameter, value)
+    if parameter == "block.restitution" and isinstance(own, tuple) and parameter != name:
+        changed = tuple(value * side for side in own)
+    else:
+        changed = value if parameter == name else value * checks.number(f"uncertain[{name!r}] of", own)
+    try:
+        return varied(scene, parameter, changed)
+    except ValueError as error:
+        accepted = "a distribution that ends within these limits, such as 'uniform:LOW:HIGH' or 'beta:A:B:LOW:HIGH'"
+        accepted += f": it drew {value:.4g} ({error})"
+        raise ValueError(checks.refusal(f"uncertain[{name!r}]", law, accepted)) from None
 
 
 def _refuse_far(scenes, name, law):

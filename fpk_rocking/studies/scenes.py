@@ -14,6 +14,7 @@ from fpk_rocking.base import checks
 from fpk_rocking.base.checks import ArrayLike
 from fpk_rocking.scene.parts import LENGTHS, Block, Start
 from fpk_rocking.scene.scene import Scene
+from fpk_rocking.scene.text import fields_of
 from fpk_rocking.scene.units import Dimensions
 
 
@@ -117,10 +118,16 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
         return _with_size(scene, dataclasses.replace(scene.block.body, **{name: value}))
     if part not in {"block", "forcing", "noise", "start", "overturning"} or not field:
         names = ", ".join(map(repr, (*sizes, *LENGTHS)))
-        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {names}"
+        accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {names}{meant(scene, name)}"
         raise ValueError(checks.refusal("parameter", name, accepted))
     integer = isinstance(getattr(getattr(scene, part), field, None), int) and float(value).is_integer()
     return scene.varied(**{part: {field: int(value) if integer else value}})
+
+
+def meant(scene: Scene, field: str, suffix: str = "") -> str:
+    """Return "; did you mean PART.FIELD?" where a part of a scene has this field, with a suffix; else an empty text."""
+    names = [f"{part}.{field}{suffix}" for part, values in fields_of(scene).items() if field in fields_of(values)]
+    return f"; did you mean {names[0]}?" if names else ""
 
 
 def scaled(scene: Scene, factor: float, *, noise: bool = True) -> Scene:

@@ -53,8 +53,20 @@ def test_draws_are_stratified_and_set_in_their_order():
         ({"width": "normal:1"}, r"^uncertain\['width'\]: got 'normal:1'"),
         ({"width": 3}, r"^uncertain\['width'\]: got 3"),
         ({"weight": "normal:1:2"}, r"^parameter: got 'weight'"),
-        ({"block.mass_factor": "normal:1:2"}, r"^uncertain\['block\.mass_factor'\] of: got None"),
-        ({"block.restitution": "uniform:0.8:1.2"}, r"^block\.restitution: got 1\.[01]"),
+        ({"block.mass_factor": "normal:1:2"}, r"^uncertain: got 'block\.mass_factor', .* such as 'width_factor'$"),
+        (
+            {"restitution_factor": "uniform:0.93:1"},
+            r"^uncertain: got 'restitution_factor', .*; did you mean block\.restitution_factor\?$",
+        ),
+        ({"restitution": "uniform:0.8:1"}, r"^parameter: got 'restitution', .*; did you mean block\.restitution\?$"),
+        (
+            {"block.restitution": "uniform:0.8:1.2"},
+            r"^uncertain\['block\.restitution'\]: got 'uniform:0\.8:1\.2', .*: it drew 1\.[01]\d+ \(block\.rest.*: got ",
+        ),
+        (
+            {"block.restitution_factor": "uniform:1:1.5"},
+            r"^uncertain\['block\.restitution_factor'\]: .*: it drew 1\.\d+ \(block\.restitution: got 1\.\d+, accepted",
+        ),
         (
             {"width": "uniform:0.95:1.05"},
             r"^uncertain\['width'\]: got 'uniform:0\.95:1\.05', .* the scene's own value, 0\.6, or 'width_factor' for",
