@@ -266,6 +266,29 @@ def test_what_is_hardly_an_acceleration_in_any_unit_is_told():
     assert Record(0.01, (200.0 * shape).tolist(), "cm/s2", note="Of a borehole.").implausible == ["Of a borehole."]
 
 
+def test_a_lone_sample_and_peaks_that_are_cut_off_are_told_and_nothing_is_said_of_other_motions():
+    motions = synthetic_records(60, duration=10.0, seed=3)
+    assert [motion.implausible for motion in motions] == [[]] * 60
+    samples = np.array(motions[0].samples)
+    peak = np.abs(samples).max()
+    for factor, told in ((1.95, False), (2.05, True)):
+        spoiled = samples.copy()
+        spoiled[900] = -factor * peak
+        said = f"One sample of the record, at 9 s, has {factor * peak / 9.80665:.3g} g, all others at most "
+        sentences = Record(0.01, spoiled.tolist(), "m/s2", scale=3.0).implausible
+        assert [sentence.startswith(said) for sentence in sentences] == [True] * told, factor
+    cut = np.clip(samples, -0.5 * peak, 0.5 * peak)
+    (sentence,) = Record(0.01, cut.tolist(), "m/s2").implausible
+    assert f"The peak of the record, {0.5 * peak / 9.80665:.3g} g, is held for 3 samples or more at " in sentence
+    # One peak that is held is none that is cut off, nor are the flat tops of coarse counts.
+    wave = np.cos(0.05 * (np.arange(2001) - 1000.0)) * np.hanning(2001)
+    for part, told in ((0.995, False), (0.9, True)):
+        flat = np.clip(wave, -part * wave.max(), part * wave.max())
+        assert bool(Record(0.01, flat.tolist(), "m/s2").implausible) == told, part
+    counts = 0.1 * np.round(12.0 * np.sin(0.1 * np.arange(2000)))
+    assert Record(0.01, counts.tolist(), "m/s2").implausible == []
+
+
 def columns_of(tmp_path, text, **options):
     path = tmp_path / "motion.csv"
     path.write_text(text)

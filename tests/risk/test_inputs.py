@@ -61,7 +61,7 @@ def test_draws_are_stratified_and_set_in_their_order():
         ({"restitution": "uniform:0.8:1"}, r"^parameter: got 'restitution', .*; did you mean block\.restitution\?$"),
         (
             {"block.restitution": "uniform:0.8:1.2"},
-            r"^uncertain\['block\.restitution'\]: got 'uniform:0\.8:1\.2', .*: it drew 1\.[01]\d+ \(block\.rest.*: got ",
+            r"^uncertain\['block\.restitution'\]: got 'uniform:0\.8:1\.2', .*: it drew 1\.[01]\d+ \(block\..*: got ",
         ),
         (
             {"block.restitution_factor": "uniform:1:1.5"},

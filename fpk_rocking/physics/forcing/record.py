@@ -339,7 +339,36 @@ class Record(TransientForcing):
                         f"All samples of {name} lie around an offset of {level}, which its PGA contains: take baseline "
                         '= "mean" (--baseline mean), or "high-pass".'
                     )
+            sentences += self._spoiled(name)
         return sentences + ([] if self.vertical is None else self._beside(self.vertical))
+
+    def _spoiled(self, name):
+        """Sentences on a lone sample far above all others, and on a peak that is held, of the record of a `name`."""
+
+        def compute():
+            sizes = np.abs(self._samples.array)
+            second, peak = np.partition(sizes, -2)[-2:]
+            at = np.flatnonzero(np.diff(np.pad(sizes == peak, 1).astype(int))).reshape(-1, 2)
+            beside = np.maximum(*np.pad(sizes, 1)[at + np.arange(2)].T)
+            # Beside the flat top of a wave in coarse counts is one that is a count or two lower.
+            far = peak - beside > 5.0 * np.diff(np.unique(sizes)).min(initial=peak)
+            held = np.count_nonzero((np.diff(at).ravel() >= 3) & far)
+            return float(peak), float(second), int(sizes.argmax()), held
+
+        peak, second, place, held = self._samples.once("spoiled", compute)
+        unit, sentences = UNITS[self.units] / UNITS["g"], []
+        # None of 1,152 components of recorded motions has a second sample below .55 of its peak, or a peak held so twice.
+        if second < 0.5 * peak:
+            sentences.append(
+                f"One sample of {name}, at {self.interval * place:.4g} s, has {unit * peak:.3g} g, all others at most "
+                f"{unit * second:.3g} g: is it an error of the recorder?"
+            )
+        if held >= 2:
+            sentences.append(
+                f"The peak of {name}, {unit * peak:.3g} g, is held for 3 samples or more at {held} places: are its "
+                "peaks cut off?"
+            )
+        return sentences
 
     def _beside(self, vertical):
         """Sentences on a vertical motion that is hardly meant, or hardly of the same place."""
