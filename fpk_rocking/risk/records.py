@@ -1,5 +1,6 @@
 """`survey`: what record files have, component by component, and what a study would do with each."""
 
+import dataclasses
 import math
 import pathlib
 from collections.abc import Sequence
@@ -8,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fpk_rocking.base.checks import File
-from fpk_rocking.physics.forcing.readers import reading
+from fpk_rocking.physics.forcing.readers import VERTICAL, reading, said_by_name
 from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 
@@ -31,7 +32,7 @@ class Row(NamedTuple):
     drift : str
         "drifts", "offset", or "".
     does : str
-        What `Record.from_file` does: "read", or what it asks for or refuses.
+        What `Record.from_file` does: "read", "vertical motion (--vertical)", or what it asks for or refuses.
     """
 
     file: str
@@ -85,16 +86,20 @@ def survey(
         except (ValueError, OSError) as error:
             refused.append(str(error))
             continue
-        taken, why = None, ""
-        usable = [one for one in found.components if not one.objection]
+        taken, why, lone = None, "", said_by_name(found) == VERTICAL
+        components = [dataclasses.replace(one, upright=one.is_vertical or lone) for one in found.components]
+        usable = [one for one in components if not (one.objection or one.upright)]
         try:
             taken = found.chosen(component, if_several=True)
         except ValueError as error:
             why = getattr(error.__cause__, "got", "")
-            refused += [str(error)] * (not usable or len(found.components) == 1)
-        for number, one in enumerate(found.components, 1):
-            does = "read" if one is taken else "left out"
-            if not taken or one.objection:
+            nothing = all(one.objection for one in components)
+            refused += [str(error)] * (nothing or (len(components) == 1 and not components[0].upright))
+        for number, (one, own) in enumerate(zip(components, found.components, strict=True), 1):
+            does = "read" if own is taken else "left out"
+            if one.upright and not one.objection:
+                does = "vertical motion (--vertical)"
+            elif not taken or one.objection:
                 choose = len(usable) > 1 and not one.objection
                 against = one.objection.got if one.objection else why
                 does = f"choose: --component {number}" if choose else f"not read: {against}"

@@ -15,7 +15,7 @@ SAMPLES = np.round(0.3 * np.sin(np.arange(120) / 7.0) ** 3 * np.hanning(120), 4)
 
 @pytest.fixture
 def files(tmp_path):
-    """Files by name: with a component, with three, without a unit, and three that are refused."""
+    """Files by name: with a component, with three, without a unit, a vertical one, and two that are refused."""
     rows = "".join(f"{0.01 * k:.2f},{a},{-a},{2 * a}\n" for k, a in enumerate(SAMPLES))
     body = "\n".join(map(str, SAMPLES)) + "\n"
     texts = {
@@ -34,7 +34,7 @@ def files(tmp_path):
 def test_records_prints_a_row_for_each_component_and_bad_files_at_the_end(files, capsys):
     assert main(["records", *files.values()]) == 2
     out, err = capsys.readouterr()
-    assert err == "fpk-rocking records: files: 3 of 6 cannot be read\n"
+    assert err == "fpk-rocking records: files: 2 of 6 cannot be read\n"
     lines = out.splitlines()
     assert [line.split()[0] for line in lines[1:8]] == [
         "one.AT2",
@@ -55,10 +55,14 @@ def test_records_prints_a_row_for_each_component_and_bad_files_at_the_end(files,
         "read",
     ]
     assert lines[2].endswith("choose: --component 1")
-    assert lines[4].endswith("not read: the vertical component 'acc_UD (g)'")
+    for line, peak in ((lines[4], 2.0 * np.abs(SAMPLES).max()), (lines[6], np.abs(SAMPLES).max())):
+        assert line.endswith("vertical motion (--vertical)")
+        assert f" {peak:.4g} " in line
     assert lines[5].endswith("needs --units --interval")
     assert lines[7].endswith("not read: a velocity, as the name of the file says; needs --units --interval")
-    assert [line.partition(": got ")[2][:12] for line in lines[8:]] == ["120 samples,", "the vertical", "a velocity, "]
+    assert [line.partition(": got ")[2][:12] for line in lines[8:]] == ["120 samples,", "a velocity, "]
+    assert main(["records", files["one.AT2"], files["up.AT2"]]) == 0
+    assert capsys.readouterr().err == ""
     assert (
         main(
             [

@@ -357,7 +357,7 @@ class Record(TransientForcing):
 
         peak, second, place, held = self._samples.once("spoiled", compute)
         unit, sentences = UNITS[self.units] / UNITS["g"], []
-        # None of 1,152 components of recorded motions has a second sample below .55 of its peak, or a peak held so twice.
+        # None of 1,152 components of recorded motions has a second sample below .55 of its peak, or holds its peak so.
         if second < 0.5 * peak:
             sentences.append(
                 f"One sample of {name}, at {self.interval * place:.4g} s, has {unit * peak:.3g} g, all others at most "
