@@ -14,6 +14,7 @@ import numpy as np
 from fpk_rocking.analytics import melnikov
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array
+from fpk_rocking.density.tuning import TUNING
 from fpk_rocking.results import sampling
 from fpk_rocking.results.remarks import noise_text, remarks
 from fpk_rocking.results.result import Result
@@ -25,6 +26,9 @@ from fpk_rocking.scene.axes import joint_edges
 __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
 _DEVIATIONS, _DISTANCES = 4.0, ("l1", "l1_floor", "hellinger", "hellinger_floor")
+
+_BINS_OVER_SURVIVAL = 10.0
+"""Most that the L1 distance of joint densities may be over an error of survival that noise replaced by another makes."""
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -126,7 +130,10 @@ class Comparison(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """Diagnostics of either result, of a seed that both share, and of a difference beyond their errors."""
+        """Diagnostics of either result, of a seed that both share, and of differences beyond their errors.
+
+        Survival, both sides, and the joint densities are judged.
+        """
         diagnostics = [
             Diagnostic(VERDICTS.index(result.trust.verdict), f"{result.engine}: {reason}")
             for result in self.results
@@ -134,10 +141,11 @@ class Comparison(Result):
             if result.trust.verdict != VERDICTS[0]
         ]
         diagnostics += [Diagnostic(CAUTION, sentence, "shared seed") for sentence in _shared_seed(self.results)]
-        beyond, sentence, rule = self._difference()
-        if beyond > 0.0:
-            text = f"{sentence}, more than the {rule}."
-            diagnostics.append(Diagnostic(CAUTION if beyond <= USELESS else UNUSABLE, text, "difference"))
+        found = [self._difference(), *map(self._difference_of_side, range(2)), self._difference_of_bins()]
+        for (beyond, sentence, rule), kind in zip(found, ("difference", "side", "side", "bins"), strict=True):
+            if beyond > 0.0:
+                text = f"{sentence}, more than the {rule}."
+                diagnostics.append(Diagnostic(CAUTION if beyond <= USELESS else UNUSABLE, text, kind))
         return diagnostics
 
     @property
@@ -150,18 +158,49 @@ class Comparison(Result):
 
         The excess is negative where the errors explain the difference.
         """
+        return self._beyond("Survival", self.difference, self.standard_error)
+
+    def _difference_of_side(self, side):
+        """Return the same of the probability of having overturned to a `side`, 0 or 1."""
+        first, second = np.vstack([np.zeros(2), np.cumsum(self.leakage[:, :, side], axis=0)]).T
+        sizes = [float(size or math.inf) for size in self.realizations]
+        name = f"P(overturned to the {('left', 'right')[side]})"
+        return self._beyond(name, first - second, _standard_error(first, second, sizes))
+
+    def _difference_of_bins(self):
+        """Return the same of the joint densities, by half of their L1 distance, as far as its error is known."""
+        numerics = [getattr(result, "bins_error_estimate", 0.0) for result in self.results]
+        rests = [getattr(result, "rest_error_estimate", 0.0) for result in self.results]
+        known = sum(numerics) + 2.0 * float(np.nansum(rests))
+        if not self.joint_cycles.size or not math.isfinite(known) or not (known or self.l1_floor.any()):
+            return -math.inf, "", ""
+        sizes, edges = [float(size or math.inf) for size in self.realizations], joint_edges(self.results[0].scene)
+        apart = np.array([_distances_but_at_rest(self.results, sizes, cycle, edges) for cycle in self.joint_cycles])
+        # What a replaced noise neglects is estimated of survival alone.
+        stated = known + _BINS_OVER_SURVIVAL * float(np.nansum(self.error_estimate))
+        accepted = _DEVIATIONS * apart[:, 1] + stated
+        row = int(np.argmax(apart[:, 0] - accepted))
+        rule = f"{accepted[row]:.2g} accepted there: {_DEVIATIONS:g} times the distance by sampling alone"
+        rule += f" plus {stated:.2g} for the estimated errors of the densities" * bool(stated)
+        first = self.results[0]
+        when = first.when(first.row_of(int(self.joint_cycles[row])))
+        sentence = f"The joint densities are {apart[row, 0]:.2g} apart (L1, at most 2) {when}"
+        return 0.5 * float((apart[:, 0] - accepted).max()), sentence, rule
+
+    def _beyond(self, name, difference, standard_error):
+        """Return (excess, difference, accepted) of a probability with a `name` for two results (n+1,)."""
         stated = float(np.nansum(self.error_estimate))
-        apart, accepted = np.abs(self.difference), _DEVIATIONS * self.standard_error + stated
+        apart, accepted = np.abs(difference), _DEVIATIONS * standard_error + stated
         # Where most of what is accepted is used up: both may be 0, as at the start.
         row = int(np.argmax(np.divide(apart, accepted, out=np.where(apart > 0.0, np.inf, 0.0), where=accepted > 0.0)))
-        allowances = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(self.standard_error.any())
+        allowances = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(standard_error.any())
         allowances += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
         rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(allowances) or 'no error is stated'}"
         first = self.results[0]
         at = f"{'' if self.periodic else 'at '}{first.when(first.row_of(row))}"
-        sentence = f"Survival differs by {apart[row]:.2g} {at}"
-        if self.standard_error[row] > 0.0:
-            sentence += f" ({apart[row] / self.standard_error[row]:.1f} standard errors)"
+        sentence = f"{name} differs by {apart[row]:.2g} {at}"
+        if standard_error[row] > 0.0:
+            sentence += f" ({apart[row] / standard_error[row]:.1f} standard errors)"
         return float((apart - accepted).max()), sentence, rule
 
     @property
@@ -258,8 +297,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     sizes = [float(_sample_size(result) or math.inf) for result in results]
     survival = np.stack([rows(result, result.survival) for result in results], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
-    common = sampling.pooled(survival[:, 0], survival[:, 1], *sizes)
-    standard_error = np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
+    standard_error = _standard_error(*survival.T, sizes)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(difference == 0.0, 0.0, difference / standard_error)
     if all(map(math.isinf, sizes)):
@@ -291,6 +329,12 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
         outside=columns[:, 4:],
         **_melnikov(results),
     )
+
+
+def _standard_error(first, second, sizes):
+    """Return the standard errors (n,) of differences of probabilities that two results of some `sizes` share."""
+    common = sampling.pooled(first, second, *sizes)
+    return np.sqrt(common * (1.0 - common) * sum(1.0 / size for size in sizes))
 
 
 def _sample_size(result: SurvivalResult) -> int | None:
@@ -330,6 +374,17 @@ def _bin_distances(results, sizes, cycle, edges):
         sampling.hellinger_floor(common, *sizes),
         *(result.survival[result.row_of(cycle)] - part.sum() for result, part in zip(results, bins, strict=True)),
     )
+
+
+def _distances_but_at_rest(results, sizes, cycle, edges):
+    """L1 of bins and its floor, where all bins with states that count as rest are one: no mesh resolves these."""
+    rest = np.outer(*(
+        (lines[:-1] < most) & (lines[1:] > -most)
+        for lines, most in zip(edges, (TUNING.rest_angle, TUNING.rest_velocity), strict=True)
+    ))  # fmt: skip
+    bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in results]
+    bins = [np.append(part[~rest], part[rest].sum()) for part in bins]
+    return sampling.l1(*bins), sampling.l1_floor(sampling.pooled(*bins, *sizes), *sizes)
 
 
 def _melnikov(results) -> dict:

@@ -184,9 +184,10 @@ def airborne(motions: Iterable[tuple[Forcing, float]]) -> list[Diagnostic]:
     if not found:
         return []
     forcing, factor, time = found[0]
+    strength = f", {factor * forcing.scale:.3g} times as strong as recorded," * (factor * forcing.scale != 1.0)
     sentence = (
-        f"The vertical motion of {forcing.source or 'the record'}, {factor:.3g} times as strong, takes all weight off "
-        f"the block at {time:.4g} s: it would leave the ground there, and this model holds its corner down."
+        f"The vertical motion of {forcing.source or 'the record'}{strength} takes all weight off the block at "
+        f"{time:.4g} s: it would leave the ground there, and this model holds its corner down."
     )
     others = f" ({len(found) - 1} of the other motions likewise.)" * (len(found) > 1)
     return [Diagnostic(CAUTION, sentence + others, "airborne")]

@@ -183,7 +183,7 @@ def _limits(tol, bins_tol, values=()):
         # In survival a relative error of the rate counts exp(-1) times at most, after whatever number of cycles.
         "escape_error": ("estimated relative error of the escape rate", math.e * tol, math.e * useless),
         "relative_error": ("relative standard error of the probability", 0.2, 0.5),
-        "rate_error": ("standard error of ln(rate) (more motions make it smaller)", 0.2, 0.5),
+        "rate_error": ("width of the 95 % limits of ln(rate) over 3.92 (more motions make it smaller)", 0.2, 0.5),
         "bins_error_estimate": ("estimated error of the binned density (L1)", bins_tol, math.inf),
         "rest_error_estimate": ("estimated error of the probability of being at rest", *never),
         "truncated": ("probability truncated beyond the largest velocity of the mesh", tol, useless),

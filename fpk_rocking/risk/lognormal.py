@@ -333,8 +333,8 @@ def outcomes_text(scale: Array, curve: Array) -> str:
         return f"it happens at none of the {over.size} scales"
     not_over = np.flatnonzero(~over)
     always = not_over[-1] + 1 if not_over.size else 0
-    last = f", at all from {scale[always]:.4g} on" if always < over.size else ""
-    return f"it happens at {over.sum()} of the {over.size} scales, at {scale[over.argmax()]:.4g} first{last}"
+    last = f", at all of these from {scale[always]:.4g} on" if always < over.size else ""
+    return f"of {over.size} scales it happens at {over.sum()}, the lowest of them {scale[over.argmax()]:.4g}{last}"
 
 
 def limits_text(interval: tuple[float, float]) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.base.checks import Array, File
-from fpk_rocking.physics.forcing import Forcing, Record
+from fpk_rocking.physics.forcing import Forcing, PeriodicForcing, Record
 from fpk_rocking.physics.forcing.readers.terms import azimuth, divided, unit_of
 from fpk_rocking.physics.forcing.record import check_baseline
 from fpk_rocking.results.remarks import drifting
@@ -355,9 +355,19 @@ def motion_lines(table: Mapping[str, Array], measure: str, *, at_one: bool = Fal
 def same_event(scenes: Sequence[Scene]) -> list[int]:
     """Return a number for the event of each scene's motion: one for two components of which files say the same event.
 
-    Components that they say have to differ. Three or more of one text stay apart: it may be a general one.
+    Components that they say have to differ. Three or more of one text stay apart: it may be a general one. Equal
+    motions have one number, whatever their files say, but for shaking that repeats.
     """
-    said = [divided(getattr(scene.forcing, "event", "")) for scene in scenes]
+    motions = [n if isinstance(scene.forcing, PeriodicForcing) else scene.forcing for n, scene in enumerate(scenes)]
+    first = [motions.index(motion) for motion in motions]
+    unique = sorted(set(first))
+    numbers = _same_text([getattr(scenes[n].forcing, "event", "") for n in unique])
+    return [unique[numbers[unique.index(n)]] for n in first]
+
+
+def _same_text(events):
+    """Return a number for each of some texts, the place of the first that may be of the same event and station."""
+    said = [divided(event) for event in events]
     texts, names = ([pair[part] for pair in said] for part in (0, 1))
     labels = list(range(len(texts)))
     for text in filter(None, dict.fromkeys(texts)):

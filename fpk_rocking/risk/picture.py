@@ -227,7 +227,9 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
         label = "at the intensities of the table" if searched else "mean of the motions"
         axes.plot(curve.intensity, curve.probability, linestyle="", label=label, **look)
     else:
-        pictures.error_bars(axes, curve.intensity, curve.probability, curve.interval, label="mean, 95 % limits", **look)
+        pictures.error_bars(
+            axes, curve.intensity, curve.probability, curve.point_limits, label="mean, 95 % limits", **look
+        )
     if len(curve.replicates) and curve.fitted:
         from scipy import special
 

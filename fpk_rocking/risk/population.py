@@ -463,10 +463,13 @@ def suite_fields(
         points = scipy.special.ndtr((np.log(intensity) - population[:, :1]) / fields["replicates"][:, 1:])
         fields["interval"] = np.quantile(points, [0.025, 0.975], axis=0).T
     sources = {"noise" if steps is None else "intervals": (capacities.noise, capacities.noise * capacities.noise_error)}
-    sources = sources if capacities.noise else {}
-    sources |= capacities.parts(values, drawn) if drawn else {}
+    parts = capacities.parts(values, drawn) if drawn else {}
+    sources = (sources if capacities.noise else {}) | parts
     rest = math.sqrt(max(fit.dispersion**2 - sum(value**2 for value, _ in sources.values()), 0.0))
-    sources["record to record"] = rest, float(np.diff(np.quantile(population[:, 1], [0.16, 0.84]))[0]) / 2.0
+    # Motions of one event differ, too: a part between events may be 0 in most draws.
+    draws = np.square(population[:, 1:3]).sum(axis=1) - sum(value**2 for value, _ in parts.values())
+    error = float(np.diff(np.quantile(np.sqrt(np.maximum(draws, 0.0)), [0.16, 0.84]))[0]) / 2.0
+    sources["record to record"] = rest, error
     return fields | {"fit": fit, "sources": sources}
 
 

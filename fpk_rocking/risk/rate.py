@@ -128,7 +128,7 @@ class Risk(Result):
             low, high = self.by_other_slopes
             text = f"{parts.format(100.0 * share)}the hazard curve, where its power laws go on"
             unit = self._other_unit() if share > _MOST else ""
-            # As a standard error of ln(rate) of .5, the limit of `rate_error`.
+            # As a `rate_error` of .5, its limit.
             useless = bool(unit or (share > _MOST and high > low * math.exp(2.0 * 1.96 * 0.5)))
             slopes = f"with half and with twice their exponents there the rate is {rate_text(low)} to {rate_text(high)}"
             text = f"{unit} {text}." if unit else f"{text}; {slopes}{': give more of them' * useless}."
@@ -147,7 +147,7 @@ class Risk(Result):
             severity = UNUSABLE if doubt > _MOST else CAUTION
             against.append(Diagnostic(severity, f"{text}: give more of them.", "the fragility"))
         if self._two_rates > _DIFFERENT:
-            advice = "" if self.curve.fitted else " They stand at the intensities that were asked for: ask for more."
+            advice = "" if self.curve.fitted else " With points at more intensities the files come closer."
             against.append(Diagnostic(CAUTION, f"{self._carried}{advice}", "exported rate"))
         return against
 
@@ -187,7 +187,7 @@ class Risk(Result):
 
     @property
     def rate_error(self) -> float | None:
-        """Standard error of the logarithm of the rate, from its interval; inf if that begins at 0, None without one."""
+        """Width of the 95 % limits of ln(rate) over 3.92; inf if they begin at 0, None without limits."""
         low, high = self.interval
         if math.isnan(low):
             return None

@@ -198,7 +198,8 @@ class Study(Result):
             against.append(Diagnostic(CAUTION, sentence, "one record"))
         same = len(motions) - len(dict.fromkeys(motions))
         if same:
-            sentence = f"{same} of {len(motions)} motions are the same as another one."
+            equal = "motions are each equal" if same > 1 else "motions is equal"
+            sentence = f"{same} of {len(motions)} {equal} to another one, and they count as one."
             against.append(Diagnostic(CAUTION, sentence, "equal records"))
         always = None if self.critical is None else self.critical.always / self.critical.own
         against += factor_diagnostics(self.factors, always)

@@ -20,7 +20,8 @@ from fpk_rocking import (
 )
 from fpk_rocking.physics.motion.equation import KernelBlock, Weight, acceleration_bounds
 from fpk_rocking.physics.motion.floor import contact_forces as forces_at
-from fpk_rocking.risk import critical_intensities, fragility
+from fpk_rocking.results.remarks import airborne
+from fpk_rocking.risk import at_intensity, critical_intensities, fragility
 from fpk_rocking.studies import scaled
 from montecarlo import contact_forces, histories, simulate
 
@@ -134,7 +135,17 @@ def test_a_motion_that_takes_all_weight_off_is_a_caution_that_names_file_and_tim
         trust = simulate(under(motion)).trust
         told = [reason for reason in trust.reasons if "leave the ground" in reason]
         assert bool(told) == doubtful
-        assert not told or ("east.AT2" in told[0] and "at 2.4 s" in told[0])
+        assert not told or ("of east.AT2 takes all weight off" in told[0] and "at 2.4 s" in told[0])
+
+
+def test_it_is_so_many_times_as_strong_as_recorded_whatever_the_intensity():
+    """A vertical peak of .25 g takes all weight off from 4 times as strong; an intensity of 2 g is 5 times .4 g."""
+    samples = np.zeros(200)
+    samples[120] = -0.25
+    motion = Record(STEP, 0.4 * EAST[:200] / np.abs(EAST[:200]).max(), "g", vertical=Record(STEP, samples, "g"))
+    for scene, most in ((under(motion), 5.0), (at_intensity(under(motion), "PGA"), 2.0)):
+        (told,) = airborne([(scene.forcing, most)])
+        assert "The vertical motion of the record, 5 times as strong as recorded, takes all weight off" in told.message
 
 
 def test_contact_forces_have_the_weight():

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 
 import fakes
 import numpy as np
@@ -77,6 +78,7 @@ def test_samples_of_the_density_itself_lie_at_the_floor():
     error = np.sqrt(fakes.KEPT**4 * (1.0 - fakes.KEPT**4) / 20_000)
     assert compared.standard_error[4] == pytest.approx(error)
     assert compared.z[4] == pytest.approx(compared.difference[4] / error)
+    assert not any("apart" in reason or "differs" in reason for reason in compared.trust.reasons)
 
 
 def test_another_law_lies_far_above_the_floor():
@@ -87,6 +89,20 @@ def test_another_law_lies_far_above_the_floor():
     compared = compare(fakes.FakeEnsemble(MAIN, realizations=20_000), Mirrored(MAIN))
     assert np.all(compared.l1 > 4.0 * compared.l1_floor)
     assert np.all(compared.hellinger > 3.0 * compared.hellinger_floor)
+    # Survival and sides are the same: the joint densities alone tell.
+    assert compared.trust.verdict == "do not use"
+    (reason,) = (reason for reason in compared.trust.reasons if "Replaced, not checked" not in reason)
+    apart = re.fullmatch(r"The joint densities are ([\d.]+) apart \(L1, at most 2\) after 1 cycle, more than .*", reason)
+    assert float(apart[1]) == pytest.approx(compared.l1[0], rel=0.05)
+
+
+def test_sides_are_judged_where_survival_agrees():
+    """Exchanged sides; the bins of the fakes do not know of them."""
+    exchanged = fakes.FakeEvolution(MAIN, overturned=fakes.FakeEvolution(MAIN).overturned[:, ::-1])
+    compared = compare(fakes.FakeEnsemble(MAIN, realizations=20_000, seed=3), exchanged)
+    assert np.abs(compared.z).max() < 4.0
+    assert [name in " ".join(compared.trust.reasons) for name in ("to the left)", "to the right)")] == [True, True]
+    assert not any("Survival" in reason for reason in compared.trust.reasons)
 
 
 def test_two_ensembles_combine_their_errors():

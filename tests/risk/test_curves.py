@@ -107,7 +107,7 @@ def test_motions_that_end_and_their_mean():
     assert set(np.unique(curves.overturned)) == {0.0, 1.0}
     for fits, outcomes in zip(curves.fits, curves.overturned, strict=True):
         first = curves.scale[outcomes.argmax()]
-        text = f"nothing is random; it happens at {outcomes.sum():.0f} of the 12 scales, at {first:.4g} first"
+        text = f"nothing is random; of 12 scales it happens at {outcomes.sum():.0f}, the lowest of them {first:.4g}"
         assert fits[0].reason.startswith(text)
     again = fragility(scenes, scale=np.geomspace(0.4, 6.0, 12), times=[50.0])
     assert np.array_equal(again.overturned, curves.overturned)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from scripts import benchmark
-from suites import SCALES, SIZE, searched, suite
+from suites import SCALES, SIZE, record, searched, suite
 
 from fpk_rocking import BandNoise, Block, Dimensions, NoNoise, Record, Scene, cli
 from fpk_rocking.risk import Designs, Hazard, IntensityCurve, annual_frequency, at_intensity, study
@@ -89,12 +89,13 @@ def test_a_block_has_its_own_rate_against_itself(both):
 def test_with_noise_blocks_are_compared_too():
     """Twenty motions, 1,000 paths at each scale, the second block 1.3 times as strong; noise of dispersion .2."""
     rng = np.random.default_rng(7)
-    noisy = at_intensity(Scene(Block(0.9, SIZE), MOTIONS[0], BandNoise(0.01, (0.0, 8.0), 10)))
+    noise = BandNoise(0.01, (0.0, 8.0), 10)
+    noisy = [at_intensity(Scene(Block(0.9, SIZE), record(n), noise)) for n in range(20)]
     logs, found = math.log(0.6) + 0.3 * rng.standard_normal(20), []
     for shift in (0.0, math.log(1.3)):
         own = logs + shift + 0.05 * rng.standard_normal(20)
         shares = rng.binomial(1000, stats.norm.cdf((np.log(SCALES) - own[:, None]) / 0.2)) / 1000
-        curve = IntensityCurve.of(suite(shares, [noisy] * 20, 1000), "PGV", samples=99)
+        curve = IntensityCurve.of(suite(shares, noisy, 1000), "PGV", samples=99)
         found += [curve, annual_frequency(curve, HAZARD)]
     ratio = ratio_of(*found)
     assert ratio.median == pytest.approx(1.3, rel=0.05)

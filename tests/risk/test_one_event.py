@@ -1,5 +1,6 @@
 """Motions of one event: one motion for curve, rate and limits, as files say or as a user does."""
 
+import dataclasses
 import json
 import math
 import re
@@ -48,9 +49,12 @@ def test_two_components_of_one_event_alone_have_no_limits():
 def test_two_components_whose_files_say_the_same_event_and_station_are_one_motion():
     texts = ["EVENT, STATION, 090", "EVENT, STATION, 000", "EVENT, OTHER, 090", "", "", "PEER", "PEER", "PEER"]
     texts += ["A, EW", "A, NS", "TIME, ABN", "TIME, CDN", "10:05, IWT008", "10:05, IWT008"]
-    motions = [Record(0.1, (0.0, 1.0, 0.0), "m/s2", event=text) for text in texts]
+    motions = [Record(0.1, (0.0, 1.0 + n, 0.0), "m/s2", event=text) for n, text in enumerate(texts)]
     scenes = [Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in motions]
     assert same_event(scenes) == [0, 0, 2, 3, 4, 5, 6, 7, 8, 8, 10, 11, 12, 12]
+    # Equal motions are one, whatever files say, and do not make three of two components.
+    again = [*scenes, scenes[1], dataclasses.replace(scenes[3], forcing=dataclasses.replace(motions[3], event="X"))]
+    assert same_event(again) == [0, 0, 2, 3, 4, 5, 6, 7, 8, 8, 10, 11, 12, 12, 0, 3]
 
 
 @pytest.mark.parametrize(
@@ -78,7 +82,7 @@ def test_two_components_whose_files_say_the_same_event_and_station_are_one_motio
     ],
 )
 def test_components_count_as_one_motion_by_any_name_and_stations_do_not(first, second, one):
-    motions = [Record(0.1, (0.0, 1.0, 0.0), "m/s2", event=text) for text in (first, second)]
+    motions = [Record(0.1, (0.0, peak, 0.0), "m/s2", event=text) for peak, text in ((1.0, first), (2.0, second))]
     assert same_event([Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in motions]) == [0, 0 if one else 1]
 
 
@@ -100,6 +104,9 @@ def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, cap
     assert values["risk"]["rate"] == pytest.approx(each.rate, rel=1e-9)
     assert each.interval != pytest.approx(labelled.risk.interval, rel=1e-3)
     assert (labelled.curve.records, each.curve.records) == (5, 10)
+    # The part of the records contains what two of one event differ by, and so does its error.
+    between = labelled.curve.source_errors["record to record"]
+    assert 0.05 < between < labelled.curve.sources["record to record"]
     assert "10 motions are of 5 events; those of one event count as one motion." in values["remarks"]
     with pytest.raises(ValueError, match=re.escape("events: got '3 labels', accepted: 10, one for each record")):
         study(scene, alone, hazard, events=labels[:3])

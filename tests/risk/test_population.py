@@ -37,9 +37,9 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
 
     Blocks under one record are no motions of their own: the interval is wider than that of 320 motions.
     """
-    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), BandNoise(0.01, (0.0, 9.0), 9)))
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), BandNoise(0.01, (0.0, 9.0), 9))) for n in range(80)]
     rng = np.random.default_rng(8)
-    draws = drawn([scene] * 80, {"block.restitution": "normal:0.9:0.01"}, 4)
+    draws = drawn(scenes, {"block.restitution": "normal:0.9:0.01"}, 4)
     scores = (np.array(draws.values["block.restitution"]) - 0.9) / 0.01
     medians = 0.7 * np.exp(0.3 * np.repeat(rng.standard_normal(80), 4) - 0.25 * scores)
     shares = [LognormalFit(m, 0.2)(SCALES) for m in medians]
@@ -53,7 +53,7 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
     assert total == pytest.approx(curve.fit.dispersion, rel=1e-12)
     low, high = curve.fit.median_interval
     assert math.log(high / low) == pytest.approx(2 * 1.96 * math.hypot(0.3, 0.125) / math.sqrt(80), rel=0.3)
-    blocks = drawn(scene, {"block.restitution": "normal:0.9:0.01"}, 320)
+    blocks = drawn(scenes[1], {"block.restitution": "normal:0.9:0.01"}, 320)
     alone = IntensityCurve.of(suite(shares, blocks.scenes, 1_000_000), "PGV", draws=blocks, samples=200)
     assert alone.records == 1
     assert list(alone.sources) == ["noise", "block.restitution"]
@@ -62,7 +62,7 @@ def test_the_dispersion_of_uncertain_blocks_is_parted_from_that_of_records():
 
 def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
     """Two groups of motions, 8 and 12: Clopper and Pearson's for 20, by an independent function."""
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 20
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), NoNoise())) for n in range(20)]
     shares = [(critical < SCALES).astype(float) for critical in [0.2] * 8 + [2.0] * 12]
     curve = IntensityCurve.of(suite(shares, scenes, 1), "PGV")
     assert curve.fit.rejected
@@ -70,7 +70,7 @@ def test_limits_of_a_rejected_fit_are_those_of_so_many_outcomes():
     for share, limits in zip(curve.probability, curve.interval, strict=True):
         proper = stats.binomtest(round(20 * share), 20).proportion_ci(method="exact")
         assert limits == pytest.approx((proper.low, proper.high), abs=1e-9)
-    assert np.array_equal(curve(SCALES), curve.probability)
+    assert np.array_equal(curve(curve.intensity), curve.probability)
 
 
 def test_a_fit_that_leaves_the_share_of_the_motions_is_rejected():
@@ -94,7 +94,7 @@ def test_limits_without_a_fit_do_not_depend_on_the_points_of_the_curve():
     jumps = np.full((20, 1, 3), math.nan)
     jumps[:, 0, 0] = critical
     jumps[0, 0] = 0.15, 0.1501, critical[0]  # too narrow to count
-    scenes, risks = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 20, []
+    scenes, risks = [at_intensity(Scene(Block(0.9, SIZE), record(n), NoNoise())) for n in range(20)], []
     for places in (SCALES, SCALES[4:9], np.geomspace(0.01, 0.1, 3)):
         shares = overturns(jumps[:, 0], places)[:, None].astype(float)
         fields = {"scale": places, "probability": shares, "error_estimate": np.full_like(shares, math.nan)}
@@ -118,7 +118,7 @@ def test_limits_without_a_fit_do_not_depend_on_the_points_of_the_curve():
 
 def test_two_of_five_motions_give_limits_without_a_warning():
     """They agree with medians that no number holds, and with rates from 0 up; numpy's warnings are errors here."""
-    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))] * 5
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), NoNoise())) for n in range(5)]
     shares = [(critical < SCALES).astype(float) for critical in (0.2, 2.0, 9.0, 9.0, 9.0)]
     curves = [IntensityCurve.of(suite(shares, scenes, 1), "PGV", seed=seed) for seed in range(1, 5)]
     assert any(np.isinf(curve.replicates).any() for curve in curves)
@@ -161,7 +161,7 @@ def test_what_is_no_suite_is_refused_by_name():
 
 def test_a_mean_over_drawn_blocks_is_at_most_one():
     """Or pelicun would refuse it. Weights of nine blocks of each of two motions have a sum of 1 + 2e-16."""
-    scene = at_intensity(Scene(Block(0.9, SIZE), record(1), NoNoise()))
-    draws = drawn([scene] * 2, {"block.restitution": "normal:0.9:0.01"}, 9)
+    scenes = [at_intensity(Scene(Block(0.9, SIZE), record(n), NoNoise())) for n in range(2)]
+    draws = drawn(scenes, {"block.restitution": "normal:0.9:0.01"}, 9)
     overturned = dataclasses.replace(searched(np.log(np.linspace(0.6, 0.9, 18))), scenes=draws.scenes)
     assert IntensityCurve.of(overturned, "PGV", draws=draws, samples=99).probability[-1] == 1.0

@@ -106,6 +106,18 @@ def test_the_fit_and_its_band_reach_over_points_and_outcomes(axes):
         assert (places.min(), places.max()) == pytest.approx((0.4, 6.25))
 
 
+def test_bars_are_the_limits_of_the_table_and_end_at_lift_off(axes):
+    """Of three motions, none overturns; nothing lifts a block of .6 × 2 m off at .3 g or less."""
+    scenes = tuple(Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in MOTIONS[:3])
+    fields = {"jumps": np.full((3, 1, 1), np.nan), "reach": 3.0, "records": 3, "units": 3, "measure": "PGA", "scenes": scenes}
+    curve = dataclasses.replace(risk_of(LognormalFit(reason="none"), []).curve, **fields, probability=np.zeros(12))
+    report.draw_curve(axes, curve, np.zeros((3, 12)))
+    (bars,) = axes.containers
+    drawn = np.array([segment[:, 1] for segment in bars[2][0].get_segments()])
+    assert drawn == pytest.approx(curve.point_limits, abs=1e-12)
+    assert (drawn[:, 1] > 0.0).tolist() == (SCALES > 0.3).tolist()
+
+
 def test_the_answer_stands_first_and_the_motions_behind_a_fold(tmp_path):
     """Title with one rate, verdict, asked intensities, pictures; the motions with whole names, in columns that wrap."""
     records = [dataclasses.replace(one, source=f"{n}_{'long' * 20}.AT2") for n, one in enumerate(MOTIONS)]

@@ -148,9 +148,13 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
     assert (values["risk"]["measure"], values["risk"]["unit"]) == ("PGA", "g")
     assert len({json.dumps(row) for row in values["fragility"]["overturned"]}) > 1
     assert values["trust"]["verdict"] in {"caution", "do not use"}
-    twice = study(changed, [record(1), *map(record, range(1, 5))], None, (0.4, 1.6), realizations=5)
-    assert "1 of 5 motions are the same as another one." in twice.trust.reasons
-    assert not any("are the same" in reason for reason in result.trust.reasons)
+    equal = [record(1), *map(record, range(1, 6))]
+    twice = study(changed, equal, None, (0.4, 1.6), realizations=5)
+    assert "1 of 6 motions is equal to another one, and they count as one." in twice.trust.reasons
+    assert twice.curve.records == 5
+    assert not any("equal to another" in reason for reason in result.trust.reasons)
+    with pytest.raises(ValueError, match="records: got 5 of 4 events, accepted: 1, or at least 5 of different events"):
+        study(changed, equal[:5], None, (0.4, 1.6), realizations=5)
     for text in ("block.restitution", "=0.8", " =0.8"):
         assert cli.main([*arguments, "--set", text]) == 2
         assert f"--set: got {text!r}, accepted: KEY=VALUE" in capsys.readouterr().err
