@@ -137,7 +137,10 @@ class Density(PlaneFunction):
 
     @property
     def vector(self) -> Array:
-        """Unknowns of the density on `basis`, shape (n,), for forms and functionals of scikit-fem."""
+        """Unknowns of the density on `basis`, shape (n,), for forms and functionals of scikit-fem.
+
+        Those that `CycleOperator.matvec` takes are others: ``operator.vector(density.coefficients)``.
+        """
         return self.coefficients.ravel()
 
     def integral(self, function: Callable[[Array, Array], Array], order: int | None = None) -> float:

@@ -104,15 +104,20 @@ def _check_bounces(scene):
         raise ValueError(checks.refusal(name, start.velocity or start.angle, accepted))
 
 
+_LARGEST_PHASE = 20.0
+"""Phase, in radians, beyond which degrees may have been meant: three turns."""
+
+
 def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     """Return sentences on sizes and accelerations of a scene that were hardly meant: metres for mm, m/s² for g.
 
-    The shaking is multiplied by factors from `least` to `most`. Nothing is said of a block without a size.
+    The shaking is multiplied by factors from `least` to `most`. Of a block without a size the phase alone is judged.
     """
-    size = scene.block.size
+    size, phase = scene.block.size, getattr(scene.forcing, "phase", 0.0)
+    turns = f"forcing.phase is {phase:g} rad; was {math.radians(phase):.4g} meant ({phase:g} degrees)?"
+    sentences = [turns] * (abs(phase) > _LARGEST_PHASE)
     if size is None:
-        return []
-    sentences = []
+        return sentences
     kind = "dimensions" if scene.block.dimensions else "body"
     for name in ("width", "height") if scene.block.dimensions else LENGTHS:
         value = getattr(size, name)

@@ -73,7 +73,7 @@ class Ensemble(Sample):
         Raises
         ------
         ValueError
-            Shapes differ, or a state before the block has overturned is not finite.
+            Shapes differ, a state before the block has overturned is not finite, or paths do not begin at the start.
 
         Examples
         --------
@@ -94,9 +94,14 @@ class Ensemble(Sample):
             raise ValueError(checks.refusal("times", f"{at.size} times", f"the {rows} of the columns, the first 0"))
         over = np.maximum.accumulate(np.abs(states[0]) >= bound, axis=1)
         if not np.isfinite(np.where(over, 0.0, states)).all():
-            raise ValueError(
-                checks.refusal("angle and velocity", "nan or inf", f"numbers up to an angle of {bound:g} or beyond")
-            )
+            accepted = f"numbers up to the first state at an angle of ±{bound:g} or beyond, which tells the side"
+            raise ValueError(checks.refusal("angle and velocity", "nan or inf before that", accepted))
+        start = np.array([scene.start.angle, scene.start.velocity])
+        away = np.abs(states - start[:, None, None])[:, :, 0]
+        if scene.start.covariance is None and not (away <= 1e-6).all():
+            got = [float(state[away.max(axis=0).argmax(), 0]) for state in states]
+            accepted = f"the start of the scene, {start.tolist()}, in the first column"
+            raise ValueError(checks.refusal("angle and velocity", got, accepted))
         first, ended = np.argmax(over, axis=1), over[:, -1]
         side = np.sign(np.take_along_axis(states[0], first[:, None], axis=1)[:, 0])
         angles, velocities = np.where(over, np.nan, states)

@@ -240,6 +240,8 @@ def test_what_was_hardly_meant_is_named():
     plain = Scene.from_block(0.6, 2.0, "0.4 g", 1.5)
     assert implausible(plain) == []
     assert implausible(load_scene("main")) == []
+    turned = load_scene("main").varied(forcing={"phase": 180.0})
+    assert implausible(turned) == ["forcing.phase is 180 rad; was 3.142 meant (180 degrees)?"]
     (width, height, *_) = implausible(Scene.from_block(600.0, 2000.0, 3.0, 1.5))
     assert width == "block.dimensions.width is 600 m; was 0.6 m meant?"
     assert height.startswith("block.dimensions.height is 2000 m")
