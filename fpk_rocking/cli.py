@@ -113,7 +113,7 @@ def command_line() -> argparse.ArgumentParser:
     )
     options += " --store --name --seed --out --json"
     more = "Several scenes are several blocks under the same records, motion by motion."
-    command("risk", _risk, does, more, options, "all of --json, report.html, risk.png, curves for other programs")
+    command("risk", _risk, does, more, options, "what --json prints, report.html, risk.png, curves for other programs")
     does = "what files of recorded motions have"
     options = "files --units --interval --component --baseline --corner-hz --json"
     more = "A row for each component, with what risk would do with it; files that cannot be read follow."

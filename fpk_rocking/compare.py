@@ -28,7 +28,7 @@ __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 _DEVIATIONS, _DISTANCES = 4.0, ("l1", "l1_floor", "hellinger", "hellinger_floor")
 
 _BINS_OVER_SURVIVAL = 10.0
-"""Most that the L1 distance of joint densities may be over an error of survival that noise replaced by another makes."""
+"""L1 distance of joint densities over the error of survival that other noise makes, at most."""
 
 
 @dataclasses.dataclass(frozen=True, repr=False)

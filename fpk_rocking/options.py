@@ -55,8 +55,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --set KEY=VALUE*        value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3
                         g'; may be repeated
 --cycles N:int          forcing cycles (default 40)
---times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and 10 after its
-                        end)
+--times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and one more, 10
+                        after its end)
 --out DIR:path          folder for files
 --samples-per-cycle N:int  times in each forcing cycle that results are for (default 1; with --movie 16, fewer of many
                         cycles); with --out, VTK files of all of them
@@ -65,13 +65,13 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
 --json                  print one JSON object instead of a table
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
-                        fragility 0.01); of the command probability: error of that (default 0.005)
+                        fragility 0.01); with the command probability, of its answer (default 0.005)
 --rtol X:float          wanted relative error of the probability; with --tol too, the larger error is enough
 --limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
---bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol;
-                        for a pulse or a record, and with inf: any)
---noise-replacement NAME  what replaces band noise in the density solver: white, exponential or filtered, which let
-                        blocks rest, or auto (default), the fastest of them whose estimated error is within --tol
+--bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol,
+                        or for a pulse or a record inf, which means that any error is accepted)
+--noise-replacement NAME  what replaces band noise in the density solver: white; exponential or filtered, which
+                        both let blocks rest; or auto (default), the fastest whose estimated error is within --tol
 --no-check              where the density solver replaces noise, do not sample the noise of the scene beside it
 --realizations N:int    number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing
                         is random)
@@ -96,8 +96,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
                         lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
                         repeated
---blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; of one record 5 or
-                        more)
+--blocks N:int          with --uncertain: blocks drawn for each scene or record (default: so many that all are 100; for
+                        one record state 5 or more)
 --events N:int          so many records, one after the other, are components of one event, and count as one motion
                         (default: two whose files say the same event and station)
 --mass KG:float         mass of the block: the forces that would hold it are then in N, not parts of its weight

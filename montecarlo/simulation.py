@@ -52,7 +52,7 @@ def simulate(
         and "filtered", for noise of these kinds: exact Gaussian steps, the latter between events.
     steps_per_cycle : int
         Time steps of "rk4" in a forcing cycle, a period of a pulse, or 2 units of time of a record; at least 8. No
-        adapted step of "white" is shorter than a cycle over 256 times this number. "filtered" samples the noise at an
+        adapted step of "white" is shorter than a 256th of a cycle over this number. "filtered" samples the noise at an
         interval proportional to 1/`steps_per_cycle`: at 200 steps .5/(rate of the filter) for a low-pass filter, for
         others .25/(rate). "exact" takes no steps.
     samples_per_cycle : int, optional

@@ -85,8 +85,8 @@ def solve_fpk(
     samples_per_cycle : int, optional
         Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
     tol : float, optional
-        Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat. Where the
-        chosen replacement of the noise neglects more than three times as much, a third of that is enough, up to .01.
+        Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat. If the
+        chosen replacement of the noise neglects more than 3 `tol`, a third of what it neglects is enough, up to .01.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
         With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the

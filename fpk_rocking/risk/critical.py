@@ -48,8 +48,8 @@ def critical_text(measure: str) -> str:
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
         "at least. Above it the block may stand again, until it always overturns. Narrower intervals may be missed: at "
         f"one {measure} an outcome may differ, the rate hardly does. P(overturned) is the share of the "
-        f"motions that overturn the block at a {measure}; a motion is not counted where the block stands again above "
-        f"its critical {measure}. A lognormal fit takes each motion at its equivalent {measure}: the "
+        f"motions that overturn the block at a {measure}; where the block stands again above a critical "
+        f"{measure}, that motion is not counted. A lognormal fit takes each motion at its equivalent {measure}: the "
         f"one threshold above which it would overturn the block over the same total range of ln({measure})."
     )
 
@@ -281,7 +281,7 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    more = f", and {far_always} of {factor.size} for it to overturn at all higher factors" * (far_always > far.size)
+    more = f"; {far_always} must be, for it to overturn at all higher factors too" * (far_always > far.size)
     sentence = (
         f"{far.size} of {factor.size} motions must be scaled by more than {LARGEST_FACTOR:g}, up to {far.max():.3g}, "
         f"to overturn the block{more}. Common advice is to scale a record by 4 or 5 at most "

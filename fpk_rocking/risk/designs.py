@@ -195,7 +195,7 @@ class Designs(Result):
             text += f", for single motions {each.min():.3g} to {each.max():.3g}" * bool(each.size)
             text += f"; annual rate {_limits(*ratio[3:])}" * bool(first.risk)
             unknown = math.isnan(ratio.rate_low) and not math.isnan(ratio.rate)
-            text += " (no limits, as the thresholds that have the blocks' rates are rejected as lognormal)" * unknown
+            text += " (no limits, as the intensities that stand for the motions' rates are not lognormal)" * unknown
             texts.append(f"{text}.")
         same = "All blocks have the same motions, and limits of ratios allow for that."
         return [*texts, same, *first.about_motions]

@@ -223,7 +223,7 @@ class IntensityCurve(Result):
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else self._one.removeprefix("one ")
         tell = "tells" if self.units == 1 else "tell"
         sentence = (
-            f"For others of their kind {self.units} {what} {tell} the probabilities to ±{half:.2g} at worst (95 %)."
+            f"{self.units} {what} {tell} the probabilities for others of their kind to ±{half:.2g} at worst (95 %)."
         )
         few = [] if math.isnan(half) else [Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
         return [*self.model, *self.fit_diagnostics, *few]

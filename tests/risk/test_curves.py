@@ -157,7 +157,7 @@ def test_the_mean_of_motions_is_a_curve_for_others_of_their_kind(outcomes):
     assert pooled.trust.verdict == "caution"
     half = 0.5 * np.diff(pooled.point_limits).max()
     assert (
-        f"For others of their kind 5 motions tell the probabilities to ±{half:.2g} at worst (95 %)."
+        f"5 motions tell the probabilities for others of their kind to ±{half:.2g} at worst (95 %)."
         in pooled.trust.reasons
     )
     assert json.dumps(pooled.summary(), allow_nan=False)

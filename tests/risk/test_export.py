@@ -41,7 +41,7 @@ def test_a_lognormal_curve_in_nrml(tmp_path):
     assert [element.tag for element in model] == [
         SPACE + tag for tag in ("description", "limitStates", "fragilityFunction")
     ]
-    verdict = "Verdict: caution. For others of their kind 1 scene tells the probabilities to ±0.091 at worst (95 %). "
+    verdict = "Verdict: caution. 1 scene tells the probabilities for others of their kind to ±0.091 at worst (95 %). "
     verdict += "PGV in this file is in cm/s."
     assert (model[0].text, model[1].text) == (f"a & b {verdict}", "angle_0p5 overturned")
     function = model[2]

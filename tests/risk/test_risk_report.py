@@ -109,8 +109,10 @@ def test_the_fit_and_its_band_reach_over_points_and_outcomes(axes):
 def test_bars_are_the_limits_of_the_table_and_end_at_lift_off(axes):
     """Of three motions, none overturns; nothing lifts a block of .6 × 2 m off at .3 g or less."""
     scenes = tuple(Scene(Block(0.9, SIZE), motion, NoNoise()) for motion in MOTIONS[:3])
-    fields = {"jumps": np.full((3, 1, 1), np.nan), "reach": 3.0, "records": 3, "units": 3, "measure": "PGA", "scenes": scenes}
-    curve = dataclasses.replace(risk_of(LognormalFit(reason="none"), []).curve, **fields, probability=np.zeros(12))
+    fields = {"jumps": np.full((3, 1, 1), np.nan), "reach": 3.0, "records": 3, "units": 3, "measure": "PGA"}
+    curve = dataclasses.replace(
+        risk_of(LognormalFit(reason="none"), []).curve, **fields, scenes=scenes, probability=np.zeros(12)
+    )
     report.draw_curve(axes, curve, np.zeros((3, 12)))
     (bars,) = axes.containers
     drawn = np.array([segment[:, 1] for segment in bars[2][0].get_segments()])
