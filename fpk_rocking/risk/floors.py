@@ -128,7 +128,7 @@ class Building:
     period : float
         T, seconds.
     damping : float
-        In parts of the critical one, as .05.
+        In parts of the critical one, as .05; up to .5, as isolators with dampers have .3.
     factor : float
         Γφ: participation factor times mode shape at the floor, about 1.3 at the top, 0 on the ground.
 
@@ -146,7 +146,7 @@ class Building:
 
     def __post_init__(self):
         checks.keep_numbers(self, "building", "period", at_least=0.02, at_most=20.0)
-        checks.keep(self, damping=checks.part("building.damping", self.damping))
+        checks.keep_numbers(self, "building", "damping", above=0.0, at_most=0.5)
         checks.keep_numbers(self, "building", "factor", at_least=0.0, at_most=10.0)
 
     def __str__(self):

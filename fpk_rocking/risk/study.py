@@ -75,6 +75,10 @@ STEP = 1.4
 """Factor between intensities that are added above those asked for."""
 
 
+MOST_FRICTION = 2.0
+"""Largest coefficient of friction that a study accepts: rubber on concrete has about 1."""
+
+
 CLOSEST, MOST_INTENSITIES = 0.02, 64
 """Intensities are added no closer in the logarithm than this to others, up to so many, or twice those asked for."""
 
@@ -603,7 +607,7 @@ def study(
     mass : float, optional
         Of the block, kg: forces that hold it are then in N.
     friction : float, optional
-        Coefficient of friction below the block: with less than it needs to rock the verdict is "do not use".
+        Coefficient of friction below the block, up to 2: with less than it needs to rock the verdict is "do not use".
     name : str
         Identifier of the block in exported files.
     workers, store, progress
@@ -633,7 +637,8 @@ def study(
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
-    mass, friction = _mass_and_friction(mass, friction, intensities)
+    mass = None if mass is None else checks.number("mass", mass, above=0.0)
+    friction = None if friction is None else checks.number("friction", friction, above=0.0, at_most=MOST_FRICTION)
     measure = measure_of(measure).name
     if intensities is not None:
         listed = intensities.tolist() if isinstance(intensities, np.ndarray) else intensities
@@ -702,16 +707,6 @@ def study(
         mass=mass,
         friction=friction,
     )
-
-
-def _mass_and_friction(mass, friction, intensities):
-    """Return mass and friction after a check: floats above 0, or None."""
-    given = {"mass": mass, "friction": friction}
-    for name, value in given.items():
-        given[name] = None if value is None else checks.number(name, value, above=0.0)
-    if mass is not None and intensities is None:
-        raise ValueError(checks.refusal("mass", mass, "together with intensities, at which the forces are stated"))
-    return given.values()
 
 
 def _labels(events, scenes):
