@@ -114,7 +114,7 @@ class Study(Result):
     events : sequence
         A label for each of `recorded`; motions of one count as one.
     asked : ndarray, shape (a,)
-        Intensities that were asked for; (0,) where they were left to `study`.
+        Intensities that were asked for, or with a mass those of the curve; else (0,).
     mass : float or None
         Of the block, kg.
     friction : float or None
@@ -605,7 +605,7 @@ def study(
     blocks : int
         Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
     mass : float, optional
-        Of the block, kg: forces that hold it are then in N.
+        Of the block, kg: forces that hold it are then in N, without intensities at those of the curve.
     friction : float, optional
         Coefficient of friction below the block, up to 2: with less than it needs to rock the verdict is "do not use".
     name : str
@@ -637,8 +637,7 @@ def study(
     """
     checks.instance("scene", scene, Scene)
     check_name(name)
-    mass = None if mass is None else checks.number("mass", mass, above=0.0)
-    friction = None if friction is None else checks.number("friction", friction, above=0.0, at_most=MOST_FRICTION)
+    mass, friction = _mass_and_friction(mass, friction)
     measure = measure_of(measure).name
     if intensities is not None:
         listed = intensities.tolist() if isinstance(intensities, np.ndarray) else intensities
@@ -672,11 +671,11 @@ def study(
         return annual_frequency(dataclasses.replace(curve, by_points=True), not_none(exceeded))
 
     asked = None if intensities is None else np.array(intensities)
-    asked_for = np.empty(0) if asked is None else asked
     if deterministic:
         curves, added, moved = sample(np.ones(1) if asked is None else asked, 0), 0, 0.0
         if asked is None:
-            curves = curves.at_scales(_range(not_none(curves.critical)))
+            asked = _range(not_none(curves.critical))
+            curves = curves.at_scales(asked)
     else:
         calm = None if asked is not None and exceeded is None else _without_noise(scenes, measure, workers)
         asked = _range(not_none(calm)) if asked is None else asked
@@ -703,10 +702,16 @@ def study(
         moved=moved,
         uncorrected=uncorrected,
         events=events,
-        asked=asked_for,
+        asked=np.empty(0) if intensities is None and mass is None else asked,
         mass=mass,
         friction=friction,
     )
+
+
+def _mass_and_friction(mass, friction):
+    """Return mass and friction after a check: floats above 0, or None."""
+    mass = None if mass is None else checks.number("mass", mass, above=0.0)
+    return mass, None if friction is None else checks.number("friction", friction, above=0.0, at_most=MOST_FRICTION)
 
 
 def _labels(events, scenes):

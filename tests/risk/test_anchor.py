@@ -128,8 +128,19 @@ def test_no_probability_of_the_curve_lies_below_its_own_lower_limit(found, tmp_p
 def test_a_mass_is_refused_by_name_before_any_work():
     with pytest.raises(ValueError, match=re.escape("mass: got 0")):
         study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, mass=0.0)
-    with pytest.raises(ValueError, match=r"^mass: got 250.0, accepted: together with intensities"):
-        study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, mass=250.0)
+
+
+def test_a_mass_without_intensities_states_forces_in_newtons_at_those_of_the_curve(found):
+    """Which are the same as without the mass."""
+    scene, motions = found.scene, [shaken.forcing for shaken in found.recorded]
+    heavy, light = (study(scene, motions, None, mass=mass) for mass in (250.0, None))
+    assert heavy.asked == pytest.approx(light.curve.intensity, rel=1e-12)
+    assert (light.asked.size, heavy.asked.size) == (0, 12)
+    columns = heavy.at_asked
+    newtons = float(f"{250.0 * G * least_ties(0.3, 0.3, 1.0, 2.0, columns['peak_g'][-1])[0]:.3g}")
+    line = next(line for line in heavy.text().splitlines() if line.startswith(f"At PGV {heavy.asked[-1]:.4g} m/s: "))
+    assert f"a tie of {newtons:,.0f} N horizontal at the top" in line
+    assert "At PGV" not in light.text()
 
 
 def test_a_hold_needs_an_acceleration_in_plain_numbers_and_a_size():
