@@ -8,6 +8,7 @@ import json
 import math
 import pathlib
 import re
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from typing import Any
@@ -51,6 +52,7 @@ from fpk_rocking.risk.motions import (
 from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text, years_text
 from fpk_rocking.risk.search import FARTHEST, overturns
+from fpk_rocking.scene.ranges import implausible_sizes
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 from fpk_rocking.studies.execution import seed_of
@@ -636,7 +638,7 @@ def study(
     >>> print(f"{racks.risk.rate:.0e} per year, {racks.added} intensities added")
     2e-03 per year, 14 intensities added
     """
-    checks.instance("scene", scene, Scene)
+    _check_scene(scene)
     check_name(name)
     mass, friction = _mass_and_friction(mass, friction)
     measure = measure_of(measure).name
@@ -709,6 +711,13 @@ def study(
     )
 
 
+def _check_scene(scene):
+    """Raise TypeError for what is no `Scene`, and warn of sizes that were hardly meant."""
+    for sentence in implausible_sizes(checks.instance("scene", scene, Scene).block):
+        # The search for intensities may take minutes, and end without any.
+        warnings.warn(sentence, stacklevel=3)
+
+
 def _mass_and_friction(mass, friction):
     """Return mass and friction after a check: floats above 0, or None."""
     mass = None if mass is None else checks.number("mass", mass, above=0.0)
@@ -760,6 +769,7 @@ def _range(critical):
     """
     if math.isinf(critical.critical.min()):
         accepted = "a list of them, as no motion overturns the block without noise"
+        accepted = "; ".join([accepted, *implausible_sizes(critical.scenes[0].block)])
         raise ValueError(checks.refusal("intensities", None, accepted))
     return np.geomspace(0.5 * np.nanmin(critical.jumps), 1.01 * np.nanmax(critical.jumps), 12)
 

@@ -14,7 +14,7 @@ import numpy as np
 from fpk_rocking.base import checks
 from fpk_rocking.physics.forcing.record import Record
 from fpk_rocking.physics.noise.filters import Filter
-from fpk_rocking.scene.parts import LENGTHS
+from fpk_rocking.scene.parts import LENGTHS, Block
 from fpk_rocking.scene.units import STANDARD_GRAVITY
 
 _RANGES = {
@@ -118,13 +118,7 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     sentences = [turns] * (abs(phase) > _LARGEST_PHASE)
     if size is None:
         return sentences
-    kind = "dimensions" if scene.block.dimensions else "body"
-    for name in ("width", "height") if scene.block.dimensions else LENGTHS:
-        value = getattr(size, name)
-        if not 0.005 <= value <= 100.0:
-            others = (1e3 * value,) if value < 0.005 else (1e-2 * value, 1e-3 * value)
-            other = " or ".join(f"{meant:g} m" for meant in others if 0.05 <= meant <= 5.0) or f"{others[0]:g} m"
-            sentences.append(f"block.{kind}.{name} is {value:g} m; was {other} meant?")
+    sentences += implausible_sizes(scene.block)
     unit = size.gravity * size.critical_angle
     noise = _noise_rms(scene.noise) * unit
     # The strongest recorded accelerations are below 4.5 g.
@@ -147,6 +141,26 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
             f"The peak acceleration of the forcing is {_in_both_units(peak)}, and this block lifts off above "
             f"{_in_both_units(needed)}: it does not move. Was {peak:.4g} g meant?"
         )
+    return sentences
+
+
+def implausible_sizes(block: Block) -> list[str]:
+    """Return sentences on sizes of a block that were hardly meant; none of a block without a size."""
+    kind, names = ("body", LENGTHS) if block.body else ("dimensions", ("width", "height"))
+    sentences = []
+    for name in names if block.size else ():
+        value = getattr(block.size, name)
+        if not 0.005 <= value <= 100.0:
+            others = (1e3 * value,) if value < 0.005 else (1e-2 * value, 1e-3 * value)
+            other = " or ".join(f"{meant:g} m" for meant in others if 0.05 <= meant <= 5.0) or f"{others[0]:g} m"
+            sentences.append(f"block.{kind}.{name} is {value:g} m; was {other} meant?")
+    if block.body and not sentences:
+        radius = block.body.radius_of_gyration
+        corner = math.hypot(block.body.height_of_centre, max(block.body.left, block.body.right))
+        # Of a rectangle it is .58 times that distance, of a ring that stands on its lowest point once.
+        if radius > 3.0 * corner:
+            times = f"{radius / corner:.2g} times the distance of the centre of mass from the farther corner"
+            sentences.append(f"block.body.radius_of_gyration is {radius:g} m, {times}; is it the moment of inertia?")
     return sentences
 
 

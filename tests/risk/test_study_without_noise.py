@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from fpk_rocking import Scene, Start, studies
+from fpk_rocking import Body, Record, Scene, Start, studies
 from fpk_rocking.risk import Building, Hazard, annual_frequency, search, study, synthetic_records
 from fpk_rocking.risk.motions import intensities
 from montecarlo import histories, simulate
@@ -226,3 +226,15 @@ def test_what_a_correction_of_baselines_changes_of_the_rate_is_said():
         drifting, None, [1.0, 2.0], baseline="high-pass", realizations=2,
     )  # fmt: skip
     assert 'baseline = "none" (--baseline none) gives the result without the correction' in noisy.text()
+
+
+def test_sizes_that_were_hardly_meant_are_told_first_and_where_no_motion_overturns_the_block():
+    """A body whose moment of inertia was taken for its radius of gyration."""
+    short = Record(0.01, [0.0, 1.0, 0.0], "m/s2")
+    body = Body(height_of_centre=1.1, right=0.25, left=0.35, radius_of_gyration=288.0)
+    said = r"block\.body\.radius_of_gyration is 288 m; was 2\.88 m or 0\.288 m meant\?"
+    with (
+        pytest.warns(UserWarning, match=f"^{said}$"),
+        pytest.raises(ValueError, match=rf"^intensities: got None, .* no motion overturns the block .* noise; {said}$"),
+    ):
+        study(Scene.from_block(body=body, record=short, restitution=0.9), [short], None)

@@ -1,5 +1,6 @@
 """Bodies of any shape: their numbers against mechanics, their form in files, and what is refused of them."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -133,6 +134,10 @@ def test_lengths_in_millimetres_are_doubted():
     sentences = ranges.implausible(scene)
     assert "block.body.height_of_centre is 1100 m; was 1.1 m meant?" in sentences
     assert ranges.implausible(scene.varied(block={"body": STATUE}, overturning=Overturning())) == []
+    for radius, told in ((3.4, False), (3.6, True)):
+        heavy = Block(0.9, body=dataclasses.replace(STATUE, radius_of_gyration=radius))
+        asked = [sentence.endswith("; is it the moment of inertia?") for sentence in ranges.implausible_sizes(heavy)]
+        assert asked == [True] * told
 
 
 def test_a_kind_is_changed_by_a_new_part():
