@@ -141,11 +141,13 @@ class Comparison(Result):
             if result.trust.verdict != VERDICTS[0]
         ]
         diagnostics += [Diagnostic(CAUTION, sentence, "shared seed") for sentence in _shared_seed(self.results)]
-        found = [self._difference(), *map(self._difference_of_side, range(2)), self._difference_of_bins()]
-        for (beyond, sentence, rule), kind in zip(found, ("difference", "side", "side", "bins"), strict=True):
+        found = [self._difference(), self._difference_of_side(0), self._difference_of_side(1)]
+        for beyond, sentence, rule in found:
             if beyond > 0.0:
-                text = f"{sentence}, more than the {rule}."
-                diagnostics.append(Diagnostic(CAUTION if beyond <= USELESS else UNUSABLE, text, kind))
+                diagnostics.append(Diagnostic(_severity(beyond), f"{sentence}, more than the {rule}.", "difference"))
+        beyond, sentence, rule = self._difference_of_bins()
+        if beyond > 0.0:
+            diagnostics.append(Diagnostic(_severity(beyond), f"{sentence}, more than the {rule}.", "bins"))
         return diagnostics
 
     @property
@@ -329,6 +331,11 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
         outside=columns[:, 4:],
         **_melnikov(results),
     )
+
+
+def _severity(beyond):
+    """Return how much a difference of probabilities `beyond` what is accepted speaks against two results."""
+    return CAUTION if beyond <= USELESS else UNUSABLE
 
 
 def _standard_error(first, second, sizes):

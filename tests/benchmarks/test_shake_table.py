@@ -130,7 +130,7 @@ def phrases():
         RESULTS[name]["scores"][both]["Brier above"] / RESULTS[name]["scores"][both]["Brier above, error"]
         for name in benchmark.SPECIMENS
     )
-    yield f"of the pair PGA and PGV/PGA by {second:.1f} on specimen 2, and by {first:.1f} on specimen 1"
+    yield f"of the pair PGA and PGV/PGA by {second:.1f} on specimen 2, but by only {first:.1f} on specimen 1"
     single = [
         row["Brier above"] / row["Brier above, error"]
         for name in benchmark.SPECIMENS
@@ -147,7 +147,7 @@ def phrases():
     yield f"{' and '.join(missed)} overturned"
     priors = [[RESULTS[name][variants][text] for name in benchmark.SPECIMENS] for text in benchmark.PRIORS]
     most = (max(abs(row["Brier above"]) for rows in some for row in rows) for some in (priors[:3], priors[3:]))
-    for text, value in zip(("the Brier score by at most", "values in sight, which are within"), most, strict=True):
+    for text, value in zip(("the Brier score by at most", "were tried, with scores within"), most, strict=True):
         yield f"{text} {value:.4f}".replace("0.", ".")
 
 
