@@ -389,9 +389,9 @@ def _distances_but_at_rest(results, sizes, cycle, edges):
         (lines[:-1] < most) & (lines[1:] > -most)
         for lines, most in zip(edges, (TUNING.rest_angle, TUNING.rest_velocity), strict=True)
     ))  # fmt: skip
-    bins = [np.asarray(result.bin_probabilities(cycle, *edges)) for result in results]
-    bins = [np.append(part[~rest], part[rest].sum()) for part in bins]
-    return sampling.l1(*bins), sampling.l1_floor(sampling.pooled(*bins, *sizes), *sizes)
+    parts = (np.asarray(result.bin_probabilities(cycle, *edges)) for result in results)
+    first, second = (np.append(part[~rest], part[rest].sum()) for part in parts)
+    return sampling.l1(first, second), sampling.l1_floor(sampling.pooled(first, second, *sizes), *sizes)
 
 
 def _melnikov(results) -> dict:

@@ -99,9 +99,9 @@ class Ensemble(Sample):
         start = np.array([scene.start.angle, scene.start.velocity])
         away = np.abs(states - start[:, None, None])[:, :, 0]
         if scene.start.covariance is None and not (away <= 1e-6).all():
-            got = [float(state[away.max(axis=0).argmax(), 0]) for state in states]
+            farthest = [float(state[away.max(axis=0).argmax(), 0]) for state in states]
             accepted = f"the start of the scene, {start.tolist()}, in the first column"
-            raise ValueError(checks.refusal("angle and velocity", got, accepted))
+            raise ValueError(checks.refusal("angle and velocity", farthest, accepted))
         first, ended = np.argmax(over, axis=1), over[:, -1]
         side = np.sign(np.take_along_axis(states[0], first[:, None], axis=1)[:, 0])
         angles, velocities = np.where(over, np.nan, states)
