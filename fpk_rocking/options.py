@@ -143,8 +143,8 @@ Without what stands for a value it is a switch. After it, + means one value or m
 """
 
 
-_REPLACED = {"amplitude": 1.0, "frequency": 1.0}
-"""Table [forcing] of a scene whose forcing recorded motions replace."""
+_REPLACED = {"amplitude": 0.0, "frequency": 1.0}
+"""Table [forcing] of a scene that has none, or none that can be read, as recorded motions replace it."""
 
 
 def arguments_by_name():
@@ -245,10 +245,14 @@ def scene_of(options, path):
     if path.endswith(".npz"):
         raise ValueError(f"SCENE: got {path!r}, accepted: a scene file (TOML); compare takes two saved results")
     changes = dict(map(_setting, options.set or ()))
-    if options.records or options.synthetic:
-        # What the motions replace is not read: neither a file that is missing nor a table that is.
-        changes = {"forcing": _REPLACED} | {name: value for name, value in changes.items() if name[:7] != "forcing"}
-    return load_scene(path, changes)
+    try:
+        return load_scene(path, changes)
+    except (TypeError, ValueError, OSError):
+        if not (options.records or options.synthetic):
+            raise
+    # What the motions replace need not be there, neither its table nor its file.
+    kept = {name: value for name, value in changes.items() if name[:7] != "forcing"}
+    return load_scene(path, {"forcing": _REPLACED} | kept)
 
 
 def _setting(text):

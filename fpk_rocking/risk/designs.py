@@ -181,11 +181,11 @@ class Designs(Result):
             where = [f"{one.name}, {turn:g}°" for one, turn in zip(self.studies, self.azimuths, strict=True)]
             if not first.risk:
                 text = f"Both planes: {'; '.join(where)}. No rates, as there is no hazard (--hazard). {_NO_BOUND}"
-                return [text, *first.about_motions]
+                return [text, *self._of_motions]
             rates = [one.risk.rate for one in self.studies if one.risk]
             text = "; ".join(f"{name}: {rate_text(rate)}" for name, rate in zip(where, rates, strict=True))
             larger = f"the larger is {rate_text(max(rates))}, the sum {rate_text(sum(rates))}"
-            return [f"Annual rate in each plane: {text}; {larger}. {_NO_BOUND}", *first.about_motions]
+            return [f"Annual rate in each plane: {text}; {larger}. {_NO_BOUND}", *self._of_motions]
         texts = []
         for other, ratio, row in zip(self.studies[1:], self.ratios, self._each, strict=True):
             each = row[np.isfinite(row)]
@@ -198,7 +198,12 @@ class Designs(Result):
             text += " (no limits, as the intensities that stand for the motions' rates are not lognormal)" * unknown
             texts.append(f"{text}.")
         same = "All blocks have the same motions, and limits of ratios allow for that."
-        return [*texts, same, *first.about_motions]
+        return [*texts, same, *self._of_motions]
+
+    @property
+    def _of_motions(self):
+        """Return what the motions are, and which forcing of a scene they replace, as sentences."""
+        return [*filter(None, dict.fromkeys(one.about_forcing for one in self.studies)), *self.studies[0].about_motions]
 
     def text(self) -> str:
         """Return `sentences`, verdict, then these and what is asked of each block, then each motion, as one text."""

@@ -121,6 +121,8 @@ class Study(Result):
         Of the block, kg.
     friction : float or None
         Coefficient of friction below the block.
+    replaced : Forcing or None
+        Forcing of `scene`, where the records are in its place.
     """
 
     fragility: Fragility
@@ -138,6 +140,7 @@ class Study(Result):
     asked: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     mass: float | None = None
     friction: float | None = None
+    replaced: Forcing | None = None
 
     row_dims = ("motion",)
 
@@ -219,12 +222,19 @@ class Study(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on noise, baselines and the number of motions, and what the correction of the baselines changes."""
+        """Sentences on noise, baselines, the number of motions, what they replace, and what the correction changes."""
         count = self.curve.records
         what = "events" if 1 < count < len(self.recorded) else "motions"
         few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
-        remarks = [*self.about_motions, self.about_correction, few, self._standing()]
+        remarks = [self.about_forcing, *self.about_motions, self.about_correction, few, self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
+
+    @property
+    def about_forcing(self) -> str:
+        """That the records are in place of the forcing of the scene, a sentence; empty where it has none of its own."""
+        if self.replaced is None:
+            return ""
+        return f"The forcing of the scene ({self.replaced.kind}: {self.replaced}) is not used: the records replace it."
 
     @property
     def about_motions(self) -> list[str]:
@@ -708,6 +718,7 @@ def study(
         asked=np.empty(0) if intensities is None and mass is None else asked,
         mass=mass,
         friction=friction,
+        replaced=_replaced(scene.forcing, records and [*records, *(shaken.forcing for shaken in scenes)]),
     )
 
 
@@ -716,6 +727,11 @@ def _check_scene(scene):
     for sentence in implausible_sizes(checks.instance("scene", scene, Scene).block):
         # The search for intensities may take minutes, and end without any.
         warnings.warn(sentence, stacklevel=3)
+
+
+def _replaced(own, motions):
+    """Return the forcing of a scene if it is not 0 and none of the `motions`, if any, in its place; else None."""
+    return own if len(motions) and own.largest > 0.0 and own not in motions else None
 
 
 def _mass_and_friction(mass, friction):

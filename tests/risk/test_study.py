@@ -16,6 +16,7 @@ from suites import SIZE, record
 from fpk_rocking import BandNoise, Block, Harmonic, NoNoise, Scene, cli
 from fpk_rocking.risk import Hazard, IntensityCurve, annual_frequency, at_intensity, fragility, study, synthetic_records
 from fpk_rocking.risk.curves import Fragility
+from fpk_rocking.risk.designs import Designs
 from fpk_rocking.risk.motions import intensities
 from fpk_rocking.risk.rate import number_text
 from fpk_rocking.studies.tasks import TASKS
@@ -160,6 +161,25 @@ def test_options_of_the_command_line_are_those_of_python(tmp_path, capsys):
         assert f"--set: got {text!r}, accepted: KEY=VALUE" in capsys.readouterr().err
 
 
+def test_the_forcing_of_a_scene_that_records_replace_is_told(tmp_path, capsys):
+    """Its own record 1.43 times as strong, or a harmonic one; not the same record, nor one that acts."""
+    files = [str(file) for file in written_records(tmp_path, 5)]
+    block, stronger = Block(0.9, SIZE), dataclasses.replace(record(0), scale=1.43, source="own.AT2")
+    own = "record: own.AT2, 300 samples of 0.02 s, 1.43 times"
+    forcings = {own: stronger, "harmonic: A = 1.5, Ω = 2, Ψ = 0": Harmonic(1.5, 2.0), "": record(0)}
+    runs = [*((forcing, files, told) for told, forcing in forcings.items()), (stronger, [], "")]
+    for forcing, records, told in runs:
+        (tmp_path / "rack.toml").write_text(Scene(block, forcing, NoNoise()).to_toml())
+        words = ["--units", "m/s2", "--records", *records] if records else []
+        assert cli.main(["risk", str(tmp_path / "rack.toml"), "--json", *words]) == 0
+        remarks = json.loads(capsys.readouterr().out)["remarks"]
+        said = [sentence for sentence in remarks if sentence.startswith("The forcing of the scene")]
+        assert said == [f"The forcing of the scene ({told}) is not used: the records replace it."] * bool(told)
+    found = study(Scene(block, stronger, NoNoise()), [record(n) for n in range(5)], None)
+    for answer in (found, Designs((found, dataclasses.replace(found, name="other")))):
+        assert answer.text().count(f"The forcing of the scene ({own}) is not used") == 1
+
+
 def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tmp_path, capsys, monkeypatch):
     """Interrupted at its fourth point: nothing is written but the store, and the same command computes the others."""
     scene = Scene(Block(0.9, SIZE), record(0), BandNoise(0.01, (0.0, 9.0), 20))
@@ -172,7 +192,9 @@ def test_a_scene_whose_motions_are_given_needs_no_forcing_and_a_store_goes_on(tm
         file = tmp_path / f"rack{number}.toml"
         file.write_text(content)
         assert cli.main(["risk", str(file), *motions]) == 0
-        outcomes.append(json.loads(capsys.readouterr().out)["fragility"]["overturned"])
+        answer = json.loads(capsys.readouterr().out)
+        assert "forcing of the scene" not in " ".join(answer["remarks"])
+        outcomes.append(answer["fragility"]["overturned"])
     assert outcomes[0] == outcomes[1] == outcomes[2]
     words = [*motions, "--hazard", "1e-3:2"]
     assert cli.main(["risk", str(file), *words]) == 0
