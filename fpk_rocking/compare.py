@@ -299,7 +299,7 @@ def compare(first: SurvivalResult, second: SurvivalResult, joint_cycles: Sequenc
     sizes = [float(_sample_size(result) or math.inf) for result in results]
     survival = np.stack([rows(result, result.survival) for result in results], axis=-1)
     difference = survival[:, 0] - survival[:, 1]
-    standard_error = _standard_error(*survival.T, sizes)
+    standard_error = _standard_error(survival[:, 0], survival[:, 1], sizes)
     with np.errstate(divide="ignore", invalid="ignore"):
         z = np.where(difference == 0.0, 0.0, difference / standard_error)
     if all(map(math.isinf, sizes)):
