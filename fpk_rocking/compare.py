@@ -27,6 +27,9 @@ __all__ = ["Comparison", "compare", "joint_edges", "shown_cycles"]
 
 _DEVIATIONS, _DISTANCES = 4.0, ("l1", "l1_floor", "hellinger", "hellinger_floor")
 
+_NEAR = 0.1
+"""L1 distance up to which joint densities count as the same: beside blocks at rest bins are finer than meshes."""
+
 _BINS_OVER_SURVIVAL = 10.0
 """L1 distance of joint densities over the error of survival that other noise makes, at most."""
 
@@ -180,10 +183,10 @@ class Comparison(Result):
         apart = np.array([_distances_but_at_rest(self.results, sizes, cycle, edges) for cycle in self.joint_cycles])
         # What a replaced noise neglects is estimated of survival alone.
         stated = known + _BINS_OVER_SURVIVAL * float(np.nansum(self.error_estimate))
-        accepted = _DEVIATIONS * apart[:, 1] + stated
+        accepted = np.maximum(_DEVIATIONS * apart[:, 1] + stated, _NEAR)
         row = int(np.argmax(apart[:, 0] - accepted))
         rule = f"{accepted[row]:.2g} accepted there: {_DEVIATIONS:g} times the distance by sampling alone"
-        rule += f" plus {stated:.2g} for the estimated errors of the densities" * bool(stated)
+        rule += f" plus {stated:.2g} for the estimated errors of the densities" * bool(stated) + f", {_NEAR:g} at least"
         first = self.results[0]
         when = first.when(first.row_of(int(self.joint_cycles[row])))
         sentence = f"The joint densities are {apart[row, 0]:.2g} apart (L1, at most 2) {when}"
