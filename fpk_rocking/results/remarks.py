@@ -184,7 +184,8 @@ def airborne(motions: Iterable[tuple[Forcing, float]]) -> list[Diagnostic]:
     if not found:
         return []
     forcing, factor, time = found[0]
-    strength = f", {factor * forcing.scale:.3g} times as strong as recorded," * (factor * forcing.scale != 1.0)
+    times = float(factor * forcing.scale)
+    strength = f", {times:.3g} times as strong as recorded," * (times != 1.0)
     sentence = (
         f"The vertical motion of {forcing.source or 'the record'}{strength} takes all weight off the block at "
         f"{time:.4g} s: it would leave the ground there, and this model holds its corner down."

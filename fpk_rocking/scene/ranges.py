@@ -115,7 +115,7 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     """
     size, phase = scene.block.size, getattr(scene.forcing, "phase", 0.0)
     turns = f"forcing.phase is {phase:g} rad; was {math.radians(phase):.4g} meant ({phase:g} degrees)?"
-    sentences = [turns] * (abs(phase) > _LARGEST_PHASE)
+    sentences = [turns] * bool(abs(phase) > _LARGEST_PHASE)
     if size is None:
         return sentences
     sentences += implausible_sizes(scene.block)
