@@ -29,4 +29,4 @@ def test_the_page_has_the_ratios_of_the_kept_numbers():
         block["median"] / published for block, published in zip(values["blocks"], values["published"], strict=False)
     ]
     page = (docs / "tutorials" / "fragility.md").read_text(encoding="utf-8")
-    assert f"{min(ratios):.2f} to {max(ratios):.2f} times these medians, under synthetic motions of firm ground" in " ".join(page.split())
+    assert f"{min(ratios):.2f} to {max(ratios):.2f} times these medians, under" in " ".join(page.split())
