@@ -37,6 +37,14 @@ def test_an_event_counts_as_one_motion_by_the_mean_of_its_components():
     assert curve.fit.median == pytest.approx(math.exp(np.mean([np.log(group).mean() for group in groups])), rel=1e-12)
 
 
+def test_the_part_of_the_records_has_an_error_where_components_differ_more_than_events():
+    """Nothing is left between eight events; 8 degrees of freedom tell the scatter within them to a quarter."""
+    logs = np.tile([-0.4, 0.4], 8) + np.repeat(np.linspace(0.0, 0.1, 8), 2)
+    curve = IntensityCurve.of(searched(logs), "scale", samples=999, events=np.repeat(np.arange(8), 2).tolist())
+    assert curve.sources == {"record to record": pytest.approx(curve.fit.dispersion, rel=1e-12)}
+    assert curve.source_errors["record to record"] == pytest.approx(0.25 * curve.fit.dispersion, rel=0.4)
+
+
 def test_two_components_of_one_event_alone_have_no_limits():
     """As two motions they would have the limits of two outcomes."""
     curve = IntensityCurve.of(searched(np.log([0.5, 0.8])), "scale", samples=99, events=["a", "a"])
@@ -104,9 +112,6 @@ def test_records_of_one_event_are_grouped_by_a_number_in_the_shell(tmp_path, cap
     assert values["risk"]["rate"] == pytest.approx(each.rate, rel=1e-9)
     assert each.interval != pytest.approx(labelled.risk.interval, rel=1e-3)
     assert (labelled.curve.records, each.curve.records) == (5, 10)
-    # The part of the records contains what two of one event differ by, and so does its error.
-    between = labelled.curve.source_errors["record to record"]
-    assert 0.05 < between < labelled.curve.sources["record to record"]
     assert "10 motions are of 5 events; those of one event count as one motion." in values["remarks"]
     with pytest.raises(ValueError, match=re.escape("events: got '3 labels', accepted: 10, one for each record")):
         study(scene, alone, hazard, events=labels[:3])
