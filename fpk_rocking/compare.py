@@ -4,6 +4,7 @@ The results may come from any engine, live or loaded from disk: a density, a Mon
 """
 
 import dataclasses
+import functools
 import math
 import operator
 from collections.abc import Sequence
@@ -148,7 +149,7 @@ class Comparison(Result):
         for beyond, sentence, rule in found:
             if beyond > 0.0:
                 diagnostics.append(Diagnostic(_severity(beyond), f"{sentence}, more than the {rule}.", "difference"))
-        beyond, sentence, rule = self._difference_of_bins()
+        beyond, sentence, rule = self._difference_of_bins
         if beyond > 0.0:
             diagnostics.append(Diagnostic(_severity(beyond), f"{sentence}, more than the {rule}.", "bins"))
         return diagnostics
@@ -172,6 +173,7 @@ class Comparison(Result):
         name = f"P(overturned to the {('left', 'right')[side]})"
         return self._beyond(name, first - second, _standard_error(first, second, sizes))
 
+    @functools.cached_property
     def _difference_of_bins(self):
         """Return the same of the joint densities, by half of their L1 distance, as far as its error is known."""
         numerics = [getattr(result, "bins_error_estimate", 0.0) for result in self.results]
@@ -187,10 +189,14 @@ class Comparison(Result):
         row = int(np.argmax(apart[:, 0] - accepted))
         rule = f"{accepted[row]:.2g} accepted there: {_DEVIATIONS:g} times the distance by sampling alone"
         rule += f" plus {stated:.2g} for the estimated errors of the densities" * bool(stated) + f", {_NEAR:g} at least"
-        first = self.results[0]
-        when = first.when(first.row_of(int(self.joint_cycles[row])))
+        when = self._when(int(self.joint_cycles[row]))
         sentence = f"The joint densities are {apart[row, 0]:.2g} apart (L1, at most 2) {when}"
         return 0.5 * float((apart[:, 0] - accepted).max()), sentence, rule
+
+    def _when(self, row):
+        """Return when a row of the comparison is, as a text "after 3 cycles" or "at τ = 2"."""
+        first = self.results[0]
+        return f"{'' if self.periodic else 'at '}{first.when(first.row_of(row))}"
 
     def _beyond(self, name, difference, standard_error):
         """Return (excess, difference, accepted) of a probability with a `name` for two results (n+1,)."""
@@ -201,9 +207,7 @@ class Comparison(Result):
         allowances = [f"{_DEVIATIONS:g} standard errors of the difference"] * bool(standard_error.any())
         allowances += [f"the estimated errors of the densities, {stated:.2g}"] * bool(stated)
         rule = f"{accepted[row]:.2g} accepted there: {' plus '.join(allowances) or 'no error is stated'}"
-        first = self.results[0]
-        at = f"{'' if self.periodic else 'at '}{first.when(first.row_of(row))}"
-        sentence = f"{name} differs by {apart[row]:.2g} {at}"
+        sentence = f"{name} differs by {apart[row]:.2g} {self._when(row)}"
         if standard_error[row] > 0.0:
             sentence += f" ({apart[row] / standard_error[row]:.1f} standard errors)"
         return float((apart - accepted).max()), sentence, rule

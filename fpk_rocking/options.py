@@ -65,7 +65,7 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
 --report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
 --json                  print one JSON object instead of a table
 --tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
-                        fragility 0.01); with the command probability, of its answer (default 0.005)
+                        fragility 0.01); for the command probability: error of its answer (default 0.005)
 --rtol X:float          wanted relative error of the probability; with --tol too, the larger error is enough
 --limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
 --bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol,
@@ -96,8 +96,8 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
                         lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
                         repeated
---blocks N:int          with --uncertain: blocks drawn for each scene or record (default: so many that all are 100; for
-                        one record state 5 or more)
+--blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; with one record at
+                        least 5 are needed)
 --events N:int          so many records, one after the other, are components of one event, and count as one motion
                         (default: two whose files say the same event and station)
 --mass KG:float         mass of the block: the forces that would hold it are then in N, not parts of its weight

@@ -359,10 +359,12 @@ def same_event(scenes: Sequence[Scene]) -> list[int]:
     motions have one number, whatever their files say, but for shaking that repeats.
     """
     motions = [n if isinstance(scene.forcing, PeriodicForcing) else scene.forcing for n, scene in enumerate(scenes)]
-    first = [motions.index(motion) for motion in motions]
-    unique = sorted(set(first))
+    first: dict[Any, int] = {}
+    places = [first.setdefault(motion, n) for n, motion in enumerate(motions)]
+    unique = list(first.values())
     numbers = _same_text([getattr(scenes[n].forcing, "event", "") for n in unique])
-    return [unique[numbers[unique.index(n)]] for n in first]
+    events = dict(zip(unique, (unique[number] for number in numbers), strict=True))
+    return [events[place] for place in places]
 
 
 def _same_text(events):

@@ -584,10 +584,10 @@ def study(
     hazard : Hazard, str or pathlib.Path, or None
         In the unit of the measure, or a file that `Hazard.from_csv` reads; with None there is no rate.
     intensities : array_like, optional
-        Points of the curve, in the unit of the measure; by default twelve. The lowest is half of that at which the
-        first motion overturns the block without noise; from the highest on all motions do that ever will. With noise
-        and a hazard others are added until they move the rate by less than 1 %. Without noise rate and limits do not
-        depend on them.
+        Points of the curve, in the unit of the measure; by default twelve, from half of the lowest at which a motion
+        overturns the block without noise to that from which all motions overturn it, but for those that never do. With
+        noise and a hazard others are added until they move the rate by less than 1 %. Without noise rate and limits do
+        not depend on them.
     measure : str
         As for `fpk_rocking.risk.at_intensity`, that of the hazard.
     ground : sequence of Record, str or pathlib.Path
