@@ -89,15 +89,15 @@ def command_line() -> argparse.ArgumentParser:
     does = "probability of overturning, to a wanted error (--tol, default 0.005, or --rtol)"
     files = "result.npz, summary.json, probability.csv and probability.png"
     wanted = "scene --set --cycles --times --tol --rtol --limit --seed --out --json"
-    command("probability", _probability, does, "Takes the engine that gets there soonest.", wanted, files)
+    command("probability", _probability, does, "Takes the engine expected to be fastest.", wanted, files)
     does = "probability density by finite elements (Fokker-Planck equation)"
     files = "result.npz, summary.json and a VTK series jpdf.pvd"
     within = "--samples-per-cycle --movie"
     command("fpk", _fpk, does, printed, f"scene {rows} {within} {DENSITY}", files)
     does = "Monte Carlo simulation of many realizations"
     command("mc", _mc, does, printed, f"scene {rows} {within} {SAMPLE}", "result.npz and summary.json")
-    does = "both engines on one scene, or two saved results, side by side"
-    files = "summary.json, survival.png and, of a scene, density.npz and ensemble.npz"
+    does = "finite elements and Monte Carlo on one scene, or two saved results, side by side"
+    files = "summary.json, survival.png and, if a scene was solved, density.npz and ensemble.npz"
     command("compare", _compare, does, printed, f"inputs {rows} {DENSITY} {SAMPLE}", files)
     does = "probability of overturning against the scale of the shaking, with a lognormal fit"
     options = f"scenes --scales --pga --pgv {rows} --engine --levels --over --keep-noise --realizations --tol --seed"
@@ -112,11 +112,11 @@ def command_line() -> argparse.ArgumentParser:
         " --interval --component --synthetic --baseline --corner-hz --uncertain --blocks --mass --friction --workers"
     )
     options += " --store --name --seed --out --json"
-    more = "Several scenes are several blocks under the same records, motion by motion."
-    command("risk", _risk, does, more, options, "what --json prints, report.html, risk.png, curves for other programs")
-    does = "what files of recorded motions have"
+    more = "Several scenes are blocks that are compared under the same records, motion by motion."
+    command("risk", _risk, does, more, options, "risk.json, report.html, risk.png, tables, curves for other programs")
+    does = "contents of files of recorded motions"
     options = "files --units --interval --component --baseline --corner-hz --json"
-    more = "A row for each component, with what risk would do with it; files that cannot be read follow."
+    more = "Prints a row for each component, with what risk would do with it, then the files that cannot be read."
     command("records", _records, does, more, options)
     command("warmup", _warmup, "compile all engines for this machine now, so that no first run has to wait for it")
     return parser

@@ -9,7 +9,7 @@ from typing import Any
 
 from fpk_rocking import console
 
-DESCRIPTION = "Rocking of a rigid block under noisy periodic excitation: will it overturn, and where is it if not?"
+DESCRIPTION = "Rocking and overturning of a free-standing rigid block under noisy shaking."
 
 
 EXAMPLES = """\
@@ -17,17 +17,17 @@ a scene is a TOML file, or the name of a scene of the package: main, second, fig
 
 examples:
   fpk-rocking probability rack.toml --cycles 10 --tol 0.002
-      the probability that the block overturns, to the wanted error, by the engine that gets there soonest
+      the probability that the block overturns, to the wanted error, by the engine expected to be fastest
   fpk-rocking fpk main
       probability density by finite elements, 40 forcing cycles
   fpk-rocking mc main --realizations 20000 --seed 7
       Monte Carlo of the same scene
   fpk-rocking mc main --realizations 10000000 --tally --checkpoint results/main/tally.npz
-      an ensemble larger than memory; once stopped, the same command goes on from the file
+      an ensemble larger than memory; if the run is stopped, the same command continues from the file
   fpk-rocking compare main --cycles 10 --out results/main
-      both, side by side; keeps results, a figure and a summary
+      finite elements and Monte Carlo side by side; saves results, a figure and a summary
   fpk-rocking compare results/main/density.npz results/main/ensemble.npz
-      two saved results
+      two saved results side by side
   fpk-rocking fragility main --scales 0.2:2:20 --cycles 10 --out results/fragility
       probability of overturning against the scale of the shaking, with a lognormal fit
   fpk-rocking risk rack.toml --records motions/*.AT2 --hazard pgv.csv --out results/risk
@@ -52,90 +52,98 @@ scene SCENE             scene file (TOML), or the name of a scene of the package
 scenes SCENE+           scene file (TOML), or the name of a scene of the package; several give a curve each
 files FILE+             files of recorded motions
 inputs FILE+            a scene (file or name) to solve by both engines, or two saved results (.npz)
---set KEY=VALUE*        value that replaces one of the scene file, as noise.kind=none or forcing.peak_acceleration='0.3
-                        g'; may be repeated
+--set KEY=VALUE*        change a value of the scene file, as in noise.kind=none or forcing.peak_acceleration='0.3 g';
+                        may be repeated
 --cycles N:int          forcing cycles (default 40)
---times T:float+        for a pulse or a record: nondimensional times (default: 21 over its duration, and one more, 10
-                        after its end)
+--times T:float+        for a pulse or a record, in place of --cycles: nondimensional times of the results (default: 21
+                        equally spaced times over its duration, and one more, 10 after its end)
 --out DIR:path          folder for files
---samples-per-cycle N:int  times in each forcing cycle that results are for (default 1; with --movie 16, fewer of many
-                        cycles); with --out, VTK files of all of them
---movie FILE:path       movie to write, .gif or .mp4 (needs the program ffmpeg): the density, what has overturned, and
-                        survival, time by time
+--samples-per-cycle N:int  number of times in each forcing cycle for which results are given (default 1; with --movie
+                        16, or fewer if there are many cycles); with --out, fpk writes VTK files for all of them
+--movie FILE:path       movie to write, .gif, or .mp4 (needs the program ffmpeg): the density, the overturned part and
+                        the survival over time
 --report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
 --json                  print one JSON object instead of a table
---tol X:float           error of survival that the density solver aims at (default 0.001; for a pulse, a record or
-                        fragility 0.01); for the command probability: error of its answer (default 0.005)
---rtol X:float          wanted relative error of the probability; with --tol too, the larger error is enough
---limit S:float         seconds that it may take beside compiling; if more are predicted it is refused (default 600)
---bins-tol X:float      error of the binned density (L1) that it aims at (default: a third of the square root of --tol,
-                        or for a pulse or a record inf, which means that any error is accepted)
---noise-replacement NAME  what replaces band noise in the density solver: white; exponential or filtered, which
-                        both let blocks rest; or auto (default), the fastest whose estimated error is within --tol
---no-check              where the density solver replaces noise, do not sample the noise of the scene beside it
---realizations N:int    number of paths, of each scene at each scale or intensity (default 10,000, or 1 where nothing
+--tol X:float           error of survival that the density solver aims at (default 0.001; 0.01 for a pulse, a record or
+                        the command fragility); for the command probability: error of its answer (default 0.005)
+--rtol X:float          wanted relative error of the probability; if --tol is given too, the larger error is enough
+--limit S:float         longest run time in seconds, without compilation (default 600); a run predicted to take longer
+                        is refused
+--bins-tol X:float      error of the binned density (L1) that the density solver aims at (default: a third of the square
+                        root of --tol; for a pulse or a record inf, which accepts any error)
+--noise-replacement NAME  noise that replaces band noise in the density solver: white; exponential or filtered, under
+                        which blocks can come to rest; or auto (default), the fastest whose estimated error is within
+                        --tol
+--no-check              if the density solver replaces the noise, do not measure the resulting error by Monte Carlo
+                        with the noise of the scene
+--realizations N:int    number of paths, for each scene at each scale or intensity (default 10,000, or 1 where nothing
                         is random)
 --seed N:int            seed of the random numbers (default 1)
---method NAME           for band noise or none, exact (event-driven) or rk4 (Runge-Kutta); white, which replaces other
-                        noise by white noise; filtered, which replaces band noise by low-pass noise (default: exact,
-                        white or filtered, whichever fits the noise)
---steps-per-cycle N:int  time steps in a forcing cycle (default 200; the method exact takes none)
---tally                 keep survival, histograms and moments alone, which takes little memory for any number of paths
---checkpoint FILE:path  with --tally: file that keeps the state of the run; where it exists, the run goes on from it
---scales LIST           factors of the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
+--method NAME           exact (event-driven) or rk4 (Runge-Kutta), both for band noise or no noise; white, which
+                        replaces other noise by white noise; filtered, which replaces band noise by low-pass noise
+                        (default: exact, white or filtered, whichever fits the noise)
+--steps-per-cycle N:int  time steps in a forcing cycle (default 200; the method exact has no time steps)
+--tally                 keep only survival, histograms and moments, which need little memory for any number of paths
+--checkpoint FILE:path  with --tally: file that keeps the state of the run; if it exists, the run continues from it
+--scales LIST           factors that multiply the shaking: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing
 --pga LIST              in place of --scales: peak accelerations in g of the shaking without noise; the column scale is
                         then the PGA
---pgv LIST              likewise: peak velocities in m/s
---engine NAME           exact, rk4, white or filtered (Monte Carlo), or density (default: Monte Carlo that fits the
-                        noise)
+--pgv LIST              in place of --scales: peak velocities in m/s; the column scale is then the PGV
+--engine NAME           exact, rk4, white or filtered (Monte Carlo), or density (default: the Monte Carlo method that
+                        fits the noise)
 --levels LIST           also compute the probability of reaching the angles A,B,C, in units of the critical angle
---over NAME=LIST        a surface over a parameter: NAME=A,B,C or NAME=LOW:HIGH:COUNT, as in size=0.5,1,2
+--over NAME=LIST        vary a parameter as well, for a surface over scale and parameter: NAME=A,B,C or
+                        NAME=LOW:HIGH:COUNT, as in size=0.5,1,2
 --keep-noise            scale the motion alone and keep the noise as it is
 --uncertain NAME=DIST*  distribution of a value: NAME is width, height or size (half diagonal) in m, slenderness, or a
                         name of the scene file such as block.restitution, each in its own unit; NAME_factor is a
-                        multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION or
+                        multiple of the scene's own value. DIST is uniform:LOW:HIGH, normal:MEAN:DEVIATION,
                         lognormal:MEDIAN:DISPERSION or beta:A:B:LOW:HIGH, as in size_factor=lognormal:1:0.05; may be
                         repeated
---blocks N:int          with --uncertain: blocks drawn for each scene or record (default: 100 in all; with one record at
-                        least 5 are needed)
---events N:int          so many records, one after the other, are components of one event, and count as one motion
-                        (default: two whose files say the same event and station)
---mass KG:float         mass of the block: the forces that would hold it are then in N, not parts of its weight
+--blocks N:int          with --uncertain: number of blocks drawn for each scene or record (default: as many as make 100
+                        in all; with one record at least 5 are needed)
+--events N:int          every N consecutive records are components of one event and count as one motion (default:
+                        records whose files state the same event and station)
+--mass KG:float         mass of the block: the forces of a tie that would hold it are then in N, not fractions of its
+                        weight
 --friction MU:float     coefficient of friction below the block: the verdict says whether it slides before it rocks
---workers N:int         worker processes, one processor each (default 1: this process alone, on all processors)
---store FILE:path       file that keeps the points as they come; where it exists, the run goes on from it
---records FILE+         files of recorded motions, of which the command records tells what they have; the scene gives
-                        block and noise, and needs no forcing
---synthetic N:int       in place of records: as many synthetic motions on firm ground
---hazard FILE|K0:K      a file of two columns: intensity in g or m/s and annual rate of exceedance, or what its first
-                        line names, as PGA (cm/s2),return period (years); a file of OpenQuake's hazard curves; or K0:K
-                        for the rate K0 intensity^-K. Without it there is a curve, but no rate
---site LON,LAT|N        site of OpenQuake's hazard curves: --site=LON,LAT in degrees, or its number from 1
---ground FILE+          where the records are of an upper floor: the ground motion of each, in the same order;
-                        intensities are those of the ground, and both are scaled together
---building T,ZETA,FACTOR  where the block stands on a floor and the records are of the ground: period in seconds and
-                        damping of a building of one mode, and participation factor times mode shape at the floor, as
+--workers N:int         number of worker processes, one processor each (default 1: this process alone, on all
+                        processors)
+--store FILE:path       file that keeps every point once it is computed; if it exists, the run continues from it
+--records FILE+         files of recorded motions (the command records lists their contents); the scene gives block and
+                        noise, and needs no forcing
+--synthetic N:int       in place of --records: number of synthetic motions on firm ground
+--hazard FILE|K0:K      hazard curve: a file of two columns, intensity in g or m/s and annual rate of exceedance, or the
+                        quantities that its first line names, as in "PGA (cm/s2),return period (years)"; a file of
+                        OpenQuake's hazard curves; or K0:K for the rate K0 intensity^-K. Without it, the fragility curve
+                        is computed, but no rate
+--site LON,LAT|N        site in a file of OpenQuake's hazard curves: --site=LON,LAT in degrees, or its number from 1
+--ground FILE+          for records of an upper floor: files of the ground motion of each record, in the same order;
+                        intensities are those of the ground, and both motions are scaled together
+--building T,ZETA,FACTOR  for a block on an upper floor and records of the ground: period in seconds and damping ratio
+                        of a building of one mode, and its participation factor times mode shape at the floor, as in
                         0.5,0.05,1.3
 --intensities LIST      intensities to compute: A,B,C, or LOW:HIGH:COUNT for logarithmic spacing (default of risk: 12
                         over the range in which the motions overturn the block)
 --measure NAME          intensity of the motion: PGV in m/s (default), PGA in g, "Sa(1.0)" in g (at 1 s, 5 %% damped) or
-                        "PGV*", which is p PGV/(g tan θ_cr); for a block on an upper floor also that of the floor, PFA
-                        in g or PFV in m/s
+                        "PGV*", which is p PGV/(g tan θ_cr); for a block on an upper floor also the peak of the floor
+                        motion, PFA in g or PFV in m/s
 --units NAME            unit of the records where their files do not say it: g, m/s2, cm/s2, mm/s2, mg, g/10, %%g, ft/s2
                         or in/s2
 --interval S:float      time between samples, seconds, where the files do not say it
---component NAME        component of files with several, by its name or its number from 1
---vertical FILE+        files of the vertical motion beside each of the records, in the same order (the same files where
-                        they have both): it multiplies the weight, and is scaled with the record
---baseline NAME         what is removed from the records before they act: none, mean, linear (line of least squares), or
-                        high-pass (that line, and what lies below 0.1 Hz); default: none, or what the scene file says
---corner-hz F:float     corner of the high-pass correction of baselines, Hz (default 0.1, or what the scene file says)
---name NAME             identifier of the block in the exported files (default rocking_block; several have the names of
-                        their scene files)
---azimuth DEG:float     direction in which the block rocks, degrees clockwise from north. The records are then two
-                        horizontal components each, in one file or in two that follow each other, and the names of the
-                        components say their azimuths
---depth LENGTH          with --azimuth: also the plane across it, in which the block is as wide as this, m or "90 cm"
+--component NAME        component to use of files with several, by its name or its number from 1
+--vertical FILE+        files of the vertical motion of each record, in the same order (the same files if they have
+                        both): it changes the weight of the block, and is scaled with the record
+--baseline NAME         baseline to remove from the records: none, mean, linear (line of least squares), or high-pass
+                        (that line, and frequencies below --corner-hz); default: none, or what the scene file says
+--corner-hz F:float     corner frequency of --baseline high-pass, Hz (default 0.1, or what the scene file says)
+--name NAME             identifier of the block in the exported files (default rocking_block; several blocks have the
+                        names of their scene files)
+--azimuth DEG:float     direction in which the block rocks, degrees clockwise from north. Each record is then two
+                        horizontal components, in one file or in two consecutive files, and the names of the components
+                        state their azimuths
+--depth LENGTH          with --azimuth: width of the block in the plane at right angles, in m or as "90 cm"; that plane
+                        is then studied too
 """
 """Every argument of the command line: name, what stands for its value with the type, and help.
 
