@@ -26,9 +26,9 @@ class Body(BlockSize):
     height_of_centre : float
         Height of the centre of mass above the base, metres, or a text with a unit ("90 cm").
     right, left : float
-        Horizontal distances of the centre of mass from the corner on the right and from that on the left.
+        Horizontal distances of the centre of mass from the right and from the left corner, metres.
     radius_of_gyration : float
-        r = √(I/m) about the centre of mass, from the moment of inertia I of the motion in the plane and the mass m.
+        r = √(I/m), metres, of the mass m and the moment of inertia I about the centre of mass in the plane of motion.
     gravity : float
         Acceleration of gravity, m/s².
 
@@ -68,7 +68,7 @@ class Body(BlockSize):
 
     @property
     def critical_angle(self) -> float:
-        """Critical angle α of the easier side, radians: tilted by it, the body is balanced on that corner."""
+        """Critical angle α, radians, the smaller one of both sides: tilted by it, the body balances on that corner."""
         return min(self.critical_angles)
 
     @property
@@ -80,7 +80,7 @@ class Body(BlockSize):
 
     @property
     def frequency_parameter(self) -> float:
-        """Frequency parameter p of the easier side, rad/s: nondimensional time is τ = pt."""
+        """Frequency parameter p, rad/s, of the side with the smaller α: nondimensional time is τ = pt."""
         return self.frequency_parameters[0 if self.left < self.right else 1]
 
     @property
@@ -106,13 +106,14 @@ class Body(BlockSize):
     def restitution(self) -> float | tuple[float, float]:
         """Velocity ratio of an impact without bounce or slip, by the angular momentum about the new corner.
 
-        One number for a body in the middle, else two: of an impact that leaves the left side, and one that leaves the
-        right. It is (r² + h² - b_r b_l) / (r² + R²) with the R of the new corner; Housner's for a rectangle.
+        One number where both sides are equal, else two: for impacts that leave the left side, and the right one. It is
+        (r² + h² - b_r b_l) / (r² + R²): h and b are the height and distances of the centre of mass, R is its distance
+        from the new corner. For a rectangle this is Housner's value.
 
         Raises
         ------
         ValueError
-            The body is so squat that it would be negative: it stops at the first impact.
+            The body is so squat that the ratio would be negative: it stops at the first impact.
         """
         square = self.radius_of_gyration**2 + self.height_of_centre**2
         kept = square - self.right * self.left
@@ -145,14 +146,14 @@ class Block:
     ----------
     restitution : float or (float, float), optional
         Velocity after an impact over that before it, from 0 to 1 (paper eq. 3). By default it follows from the size,
-        `Dimensions.restitution` or `Body.restitution`. Two numbers, of impacts that leave the left side and of those
-        that leave the right, are for a body.
+        `Dimensions.restitution` or `Body.restitution`. A body may have two numbers: for impacts that leave the left
+        side and for those that leave the right.
     dimensions : Dimensions, optional
-        Size of a rectangular block, for conversions to units. A record, a default restitution and a default critical
-        angle need it, or a body.
+        Size of a rectangular block, for conversions to units. A record needs it, or a body; so do the defaults of
+        `restitution` and `critical_angle`.
     critical_angle : float, optional
-        Critical angle α of the equation of motion, radians, from 0 to π/2. By default that of the size, which a given
-        one must match to 1e-3; without a size 0, the limit of a slender block (paper).
+        Critical angle α of the equation of motion, radians, from 0 to π/2. By default that of the size; another value
+        may differ from it by .1 %. Without a size the default is 0, the limit of a slender block (paper).
     slender : bool
         Take the equation of a slender block in spite of the size: the critical angle is 0. Refused for a body of
         unequal sides.
@@ -226,14 +227,14 @@ class Block:
 
     @property
     def lift_off(self) -> float:
-        """Largest nondimensional force |f| under which the block stays at rest: tan(α)/α of its easier side."""
+        """Largest nondimensional force |f| under which the block stays at rest: tan(α)/α at its smaller α."""
         return lift_off(self.critical_angle)
 
     @property
     def least_friction(self) -> float | None:
-        """Friction coefficient below which the block slides before it lifts off on its easier side: tan α.
+        """Friction coefficient below which the block slides before it lifts off: tan α at its smaller α.
 
-        Of a rectangle it is width over height. None for a slender block without a size.
+        For a rectangle it is width over height. None for a slender block without a size.
         """
         angle = self.critical_angle or (self.size.critical_angle if self.size else 0.0)
         return math.tan(angle) if angle > 0.0 else None

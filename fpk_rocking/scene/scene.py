@@ -92,7 +92,7 @@ class Scene:
 
     @property
     def repeats(self) -> bool:
-        """Whether one cycle is like another: the forcing repeats, and the noise has no envelope."""
+        """Whether all cycles are alike: the forcing repeats, and the noise has no envelope."""
         return self.period is not None and self.noise.envelope is None
 
     @property
@@ -108,7 +108,7 @@ class Scene:
         ----------
         **parts : dict or part of a scene
             New values of a part, or a new part: ``scene.varied(forcing={"amplitude": 4.2}, noise=NoNoise())``. A change
-            of the noise drops its ``remark``, and a new size the critical angle, unless a new one is given.
+            of the noise drops its ``remark``, a new size drops the critical angle, unless a new one is given.
         """
         own = fields_of(self)
         checks.arguments("", own | parts, Scene)
@@ -208,7 +208,7 @@ class Scene:
         peak_acceleration : float, optional
             Amplitude of a harmonic base acceleration, or peak of a pulse, m/s². Required without a record.
         frequency_hz : float, optional
-            Frequency of it, Hz. Required without a record.
+            Its frequency, Hz. Required without a record.
         record : Record, optional
             Recorded base acceleration, see `Record.from_file`, in place of peak and frequency.
         pulse : str, optional
@@ -219,11 +219,11 @@ class Scene:
             Any rigid body, in place of width, height and gravity.
         restitution : float or (float, float), optional
             Velocity after an impact over that before it; by default Housner's 1 - (3/2) sin²θ_cr, or that of the body.
-            Two numbers are of impacts that leave the left side and of those that leave the right.
+            Two numbers are for impacts that leave the left side and for those that leave the right.
         phase : float
             Phase of the harmonic base acceleration, radians.
         noise_rms_acceleration : float
-            Root mean square of the random base acceleration that is added to any of these, m/s²; 0 for none.
+            Root mean square of the random base acceleration that is added to the shaking, m/s²; 0 for none.
         noise_band_hz : (float, float), optional
             Lowest and highest frequency of the noise, Hz. Required where there is noise, refused where there is none.
         harmonics : int, optional
@@ -236,7 +236,7 @@ class Scene:
         start, overturning : Start, Overturning
             Nondimensional, angles in units of the critical angle.
         overturning_angle : float, optional
-            Angle that counts as overturning, degrees, in place of `overturning`: 90 is the fall itself.
+            Angle that counts as overturning, degrees, in place of `overturning`. At 90 it lies on its side.
         slender : bool
             Take the equation of motion of a slender block instead of the exact one.
         """
@@ -272,7 +272,7 @@ class Scene:
             ``harmonics`` of `from_block` by default; ``noise.filter`` is a name, or a table of the kind "linear" or
             "clough-penzien"; ``noise.envelope.kind`` is "trapezoid", "exponential" or "table";
             ``forcing.kind`` is "harmonic" (by default), "harmonics", "pulse", "chirp" or "record". A record may have
-            ``file`` in place of ``interval`` and ``samples``. Of a block with a size quantities may have units:
+            ``file`` in place of ``interval`` and ``samples``. If the block has a size, quantities may have units:
             ``peak_acceleration``, ``rms_acceleration`` (in m/s², or "0.3 g"), ``frequency_hz``, ``band_hz``, and others
             that end with ``_hz``, ``_s`` or ``_deg``.
         folder : str or pathlib.Path

@@ -100,7 +100,7 @@ class BlockSize(abc.ABC):
     @property
     @abc.abstractmethod
     def restitution(self) -> float | tuple[float, float]:
-        """Velocity ratio of an impact without bounce or slip: one number, or those from the left and from the right."""
+        """Velocity ratio of an impact without bounce or slip: one number, or (from the left, from the right)."""
 
     @property
     def slenderness_error(self) -> tuple[float, float]:

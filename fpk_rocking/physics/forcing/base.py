@@ -28,10 +28,10 @@ class Size(Protocol):
 class Forcing(abc.ABC):
     """Acceleration of the base f(τ) from τ = 0 on, nondimensional: the forcing of a scene.
 
-    A kind of forcing is a frozen dataclass, equal and hashed by its values, with all that stands here; most of it comes
-    from `PeriodicForcing` or `TransientForcing`. P is the bounded solution of P'' = P + f; its Taylor coefficients are
-    TERMS of them, lowest power first. This class itself makes no values: see `Harmonic`, `Harmonics`, `Pulse` and
-    `Record`.
+    This class is abstract: use `Harmonic`, `Harmonics`, `Pulse` or `Record`. A new kind is a frozen dataclass, equal
+    and hashed by its values, with all methods and properties of this class; `PeriodicForcing` and `TransientForcing`
+    supply most of them. P is the bounded solution of P'' = P + f; it is given by TERMS Taylor coefficients, lowest
+    power first.
 
     Examples
     --------

@@ -41,16 +41,16 @@ class Record(TransientForcing):
     scale : float
         Factor of the samples, and of the vertical ones: both are of one event.
     source, event, note : str
-        Name of the file, event, date and station as far as it says them, and what else a user should know of it. They
-        do not count when records are compared.
+        Name of the file; event, date and station, as far as the file states them; and what else a user should know of
+        the record. They do not count when records are compared.
     baseline : {"none", "mean", "linear", "high-pass"}
-        What is removed from the samples before they act: nothing; their mean; their line of least squares; or that line
-        and what lies below the corner of a filter. `corrected_samples` are what is left.
+        Correction of the samples: it removes nothing; their mean; their line of least squares; or that line and the
+        frequencies below `corner_hz`. `corrected_samples` are what is left.
     corner_hz : float
         Corner of "high-pass", Hz: Butterworth's filter of order 2 forwards and backwards, so that the amplitude at f is
         multiplied by 1 / (1 + (corner / f)^4), over samples padded with 6 / corner seconds of zeros on either side.
     vertical : Record, optional
-        Acceleration of the base upwards at the same times; it counts as 0 after its end, and up to that of this record.
+        Acceleration of the base upwards at the same times: 0 after its own end, ignored after the end of this record.
 
     Examples
     --------
@@ -121,20 +121,20 @@ class Record(TransientForcing):
         ----------
         path : str or pathlib.Path
             A file of an archive of accelerograms or a text of columns, also in gzip or UTF-16; docs/howto/records.md
-            lists the formats. What the file says decides which one it is, not its name.
+            lists the formats. The format is recognized by the content of the file, not by its name.
         units : str, optional
             Unit of the accelerations. Required where the file does not say it.
         interval : float, optional
             Time between samples, seconds. Required where the file does not say it.
         component : str or int, optional
-            Name or number, from 1, of a component as the file has it. Required where several can be read.
+            Name of a component in the file, or its number from 1. Required if several can be read.
         scale, baseline, corner_hz
             See `Record`.
         where_unstated : bool
             Whether `units`, `interval` and `component` count only where the file leaves them open.
         vertical : str or pathlib.Path, optional
-            File of the vertical motion, or the same file where it has both. It is read like this one, with `units` and
-            `interval` where it leaves them open.
+            File of the vertical motion, or the same file if it has both. `units` and `interval` hold for it too, if
+            it does not state them.
         upright : bool
             Whether the vertical component of the file is the one to read.
 
@@ -262,7 +262,7 @@ class Record(TransientForcing):
 
     @property
     def corrected_samples(self) -> Array:
-        """Accelerations that act, (n,), in the unit of the samples, before `scale`: without what `baseline` removes."""
+        """Samples after the correction of the `baseline`, (n,), in their own unit, without the factor `scale`."""
 
         def compute():
             with np.errstate(over="ignore", invalid="ignore"):
@@ -281,9 +281,9 @@ class Record(TransientForcing):
 
     @property
     def drift(self) -> Drift:
-        """Velocities, m/s, and accelerations, m/s², of what acts, before and after "high-pass"; before `scale`.
+        """Peaks of `corrected_samples` without `scale`, before and after another correction, "high-pass".
 
-        Where the interval does not resolve the corner, "linear" corrects.
+        If the interval does not resolve the corner, the other correction is "linear".
         """
 
         def compute():
@@ -298,7 +298,7 @@ class Record(TransientForcing):
 
     @property
     def correction(self) -> Drift:
-        """Velocities, m/s, and accelerations, m/s², of the samples before and after `baseline`; before `scale`."""
+        """Peaks of the samples, before and after the correction of the `baseline`; without the factor `scale`."""
         unit = UNITS[self.units]
         with np.errstate(over="ignore", invalid="ignore"):
             return drift_of(unit * self._samples.array, unit * self.corrected_samples, self.interval)
@@ -381,7 +381,7 @@ class Record(TransientForcing):
     def drifts(self) -> bool:
         """Whether the base's velocity is that of a drift, see `Drift`, and does not end near 0.
 
-        False for less than 2 s, which say little.
+        False for a record shorter than .2 / `corner_hz` (2 s by default): too short to tell.
         """
         # A fifth of a period of the corner: 2 s, whatever the record's times were divided by.
         lasts = self.interval * (len(self.samples) - 1) * self.corner_hz >= 0.2

@@ -79,14 +79,14 @@ class Drift(NamedTuple):
     Parameters
     ----------
     pgv, pga, end_velocity : float
-        Peak velocity, m/s, and acceleration, m/s², of the samples as they are, and the velocity at the last one, m/s;
-        the velocity is their integral from 0.
+        Peak velocity, m/s, peak acceleration, m/s², and last velocity, m/s, of the samples before the correction; the
+        velocity is their integral from 0.
     removed_velocity : float
         Largest velocity that the correction removes, m/s.
     corrected_pgv, corrected_pga : float
         Peaks of the corrected samples.
     offset, slope : float
-        Line of least squares through the samples: at the middle of the record, m/s², and its slope, m/s³.
+        Line of least squares through the samples: its value at the middle of the record, m/s², and its slope, m/s³.
 
     Examples
     --------
@@ -107,10 +107,10 @@ class Drift(NamedTuple):
 
     @property
     def drifts(self) -> bool:
-        """Whether the velocity is that of a drift: the correction removes more than .24 of the corrected PGV.
+        """Whether the velocity is that of a drift: the correction removes more than .24 of `corrected_pgv`.
 
-        The smallest part of a measured motion without drift, to which an offset of .004 g was added, is .245; 99 % of
-        synthetic motions without drift have at most .24 (docs/benchmarks/records_that_drift.json).
+        In measured motions without drift, to which an offset of .004 g was added, the part removed is at least .245; in
+        99 % of synthetic motions without drift it is at most .24 (docs/benchmarks/records_that_drift.json).
         """
         return self.removed_velocity > 0.24 * self.corrected_pgv
 

@@ -23,9 +23,9 @@ from fpk_rocking.physics.noise.kinds import NOISES, BandNoise, Noise
 def noise_variance(noise: Noise, *, critical_angle: float = 0.0) -> float:
     """Variance σ_M² of the Melnikov process of a noise, nondimensional.
 
-    It is 2D for white noise and (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a to b for a band [a, b] (eq. 15, its σ²
-    included), both for a slender block, and that of its `StateSpace` times the variance for filtered noise. For α > 0
-    that of a band is a quadrature, and the others are in closed form.
+    For a slender block it is 2D for white noise; for a band [a, b] it is (2 variance/(b-a)) [ω/(1+ω²) + atan ω] from a
+    to b (eq. 15, with its σ²); for filtered noise it is the value of its `StateSpace` times the variance. For α > 0
+    that of a band is computed by quadrature, the others in closed form.
 
     Parameters
     ----------
@@ -68,8 +68,8 @@ def noise_variance(noise: Noise, *, critical_angle: float = 0.0) -> float:
 def equivalent_diffusion(noise: Noise, *, critical_angle: float = 0.0) -> float:
     """Diffusion D_M, ⟨ηη⟩ = 2Dδ, of the white noise with the same Melnikov variance: σ_M²/2 for a slender block.
 
-    To replace band noise or filtered noise by it is an approximation (a closure), which paths under the noise itself
-    have to check. For white noise this is its own diffusion.
+    Replacing band noise or filtered noise by this white noise is an approximation (a closure): check it by Monte Carlo
+    with the noise itself. For white noise this is its own diffusion.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def equivalent_diffusion(noise: Noise, *, critical_angle: float = 0.0) -> float:
 def relative_variance(noise: Noise, *, critical_angle: float = 0.0) -> float:
     """Melnikov variance of a noise over that of white noise as strong as the peak of its spectrum, from 0 to 1.
 
-    It says how much of the frequencies that move the block a spectrum contains. With G the peak of the one-sided
-    spectral density it is σ_M²/(πG) for a slender block, for a band (1/π) ∫ 4/(1+ω²)² dω over the band.
+    It is near 1 if the spectrum contains all frequencies that move the block, and small if it lacks them. With G the
+    peak of the one-sided spectral density it is σ_M²/(πG) for a slender block, for a band (1/π) ∫ 4/(1+ω²)² dω over it.
 
     Parameters
     ----------
@@ -166,9 +166,9 @@ def forgetful_diffusion(noise: Noise) -> float:
 def realized_spread(noise: Noise, restitution: float, *, critical_angle: float = 0.0) -> float:
     """Relative scatter between realizations of band noise: standard deviation over mean of their equivalent diffusions.
 
-    A realization draws its N harmonics once, and how strongly it acts on the block depends on their frequencies, and on
-    the amplitudes of stratified ones. The scatter falls like N^(-1/2). It acts over long times: within a duration for
-    which stratified harmonics are enough (`BandNoise`) no path can tell them from Gaussian noise.
+    A realization draws its N harmonics once. How strongly it acts on the block depends on their frequencies, and on
+    the amplitudes of stratified ones. The scatter falls like N^(-1/2). It matters over long times only: as long as
+    stratified harmonics are enough (`BandNoise`), they act as Gaussian noise does.
 
     Parameters
     ----------

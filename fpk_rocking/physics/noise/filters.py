@@ -72,7 +72,7 @@ class Filter(abc.ABC):
 class LinearFilter(Filter):
     """A filter of n states, given by its matrices: dz = drift z dτ + input dW, η = output z.
 
-    The strength of the white noise does not count: the variance of `FilteredNoise` fixes it.
+    The strength of the white noise follows from the variance of `FilteredNoise`, whatever the size of `input`.
 
     Parameters
     ----------
@@ -86,7 +86,8 @@ class LinearFilter(Filter):
     Raises
     ------
     TypeError, ValueError
-        The shapes do not fit, there are more than 12 states, the filter is not stable, or a state has no part in it.
+        The shapes do not fit, there are more than 12 states, the filter is not stable, the white noise does not reach
+        every state independently, or no state reaches the output.
 
     Examples
     --------
@@ -126,7 +127,7 @@ class LinearFilter(Filter):
 
 @dataclasses.dataclass(frozen=True)
 class CloughPenzien(Filter):
-    """White noise through a layer of soil and a filter that takes out the lowest frequencies, for ground accelerations.
+    """White noise that has passed a layer of soil and a filter against the lowest frequencies: ground accelerations.
 
     With Kanai-Tajimi noise u of frequency ω_g and damping ζ_g, η = y'' where y'' + 2 ζ_f ω_f y' + ω_f² y = u. Its
     spectral density is that of u times (ω/ω_f)⁴/[(1 - (ω/ω_f)²)² + 4 ζ_f² (ω/ω_f)²]: it is 0 at ω = 0, so that velocity

@@ -46,9 +46,9 @@ def enough_harmonics(band: tuple[float, float], duration: float) -> int:
 class BandNoise:
     """Noise with a flat spectrum in a band: a sum of harmonics with random frequencies and random phases.
 
-    With frequencies that are drawn independently it is Shinozuka noise (paper eq. 4). How many of them are near those
-    that move the block differs between the realizations, and so does their strength: with few harmonics small
-    probabilities of overturning are too large, by a factor of 2 to 20 with 100. Stratified frequencies, with Gaussian
+    With independent frequencies it is Shinozuka noise (paper eq. 4). The number of frequencies that move the block then
+    differs between the realizations, and so does their strength. With few harmonics, small probabilities of overturning
+    are therefore too large: by a factor of 2 to 20 with 100 harmonics. Stratified frequencies, with Gaussian
     amplitudes, make the noise Gaussian with the band's spectrum as long as there are `enough_harmonics`.
 
     Parameters
@@ -66,8 +66,8 @@ class BandNoise:
         Function of time g(τ) by which the noise is multiplied; none for stationary noise.
     frequencies : {"independent", "stratified"}
         "independent": each is uniform in the band, and all amplitudes are equal. "stratified": one is uniform in each
-        of N equal parts of the band, and the amplitudes are those of Gaussian noise; so by default in metres and m/s²
-        (`Scene.from_block`, and files with ``[block.dimensions]``).
+        of N equal parts of the band, and the amplitudes are those of Gaussian noise; this is the default of
+        `Scene.from_block` and of files with ``[block.dimensions]``.
 
     Examples
     --------
@@ -153,7 +153,7 @@ class FilteredNoise:
     * "exponential": η' + ωη = w,
     * "low-pass": η'' + 2ζωη' + ω²η = w,
     * "kanai-tajimi": η = ω²y + 2ζωy' with y'' + 2ζωy' + ω²y = w,
-    * any other, of any number of states, given as a `CloughPenzien`, a `LinearFilter` or a class of one's own.
+    * any other, given as a `CloughPenzien`, a `LinearFilter` or a `Filter` of one's own.
 
     Monte Carlo and the Melnikov functions take all of them, the density solver those of one or two states.
 

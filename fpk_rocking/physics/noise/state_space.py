@@ -22,8 +22,7 @@ from fpk_rocking.base.checks import Array, ArrayLike, Number
 class StateSpace(NamedTuple):
     """Stationary noise η of variance 1 out of n states: dz = drift z dτ + input dW, η = output z; nondimensional.
 
-    Each state has the standard deviation 1, so that none is lost beside another. `stationary` makes one from any
-    matrices.
+    Each state is scaled to the standard deviation 1. `stationary` makes a state space from any matrices.
 
     Parameters
     ----------
@@ -32,7 +31,7 @@ class StateSpace(NamedTuple):
     input, output : ndarray, shape (n,)
         b and c.
     correlation : ndarray, shape (n, n)
-        P of the states at any one time.
+        P, correlation of the states at the same time.
 
     Examples
     --------
@@ -61,8 +60,8 @@ class StateSpace(NamedTuple):
         Raises
         ------
         ValueError
-            An eigenvalue of the drift does not decay, the white noise does not drive the states independently of each
-            other, or they have no effect on η.
+            An eigenvalue of the drift has no real part below 0, the white noise does not drive the states independently
+            of each other, or they have no effect on η.
         """
         from scipy.linalg import matrix_balance, solve_continuous_lyapunov
 
@@ -137,10 +136,7 @@ class StateSpace(NamedTuple):
 
     @property
     def peak_density(self) -> float:
-        """Largest value of `spectral_density` over all ω.
-
-        With r = ω² the density is a ratio of two polynomials, and its peaks are roots of another.
-        """
+        """Largest value of `spectral_density` over all ω."""
         fastest = self.fastest
         drift, feedback = self.drift / fastest, np.outer(self.input, self.output)
         poles = np.poly(drift)
@@ -180,7 +176,7 @@ class StateSpace(NamedTuple):
 
     @property
     def inward_variance(self) -> float:
-        """Variance of the stationary q' = -q - η, by which a flight moves inward, for η of variance 1."""
+        """Variance of the stationary solution q of q' = -q - η, by which η moves a flight inward; η of variance 1."""
         return float(self.output @ np.linalg.solve(np.eye(self.order) - self.drift, self._covariance))
 
     @property
