@@ -204,7 +204,7 @@ def _fragility(options):
             raise ValueError(f"--over: got {options.over!r}, accepted: NAME=A,B,C or NAME=LOW:HIGH:COUNT")
         over = {name: numbers("--over", values)}
         if len(scenes) > 1:
-            raise ValueError(f"--over: got {options.over!r}, accepted: beside one motion, not {len(scenes)}")
+            raise ValueError(f"--over: got {options.over!r}, accepted: with one motion, not {len(scenes)}")
     scenes, scales, measure = scenes_at_scales(options, scenes)
     motions = scenes
     uncertain, draws = distributions(options), None

@@ -200,8 +200,9 @@ class Evolution(SurvivalResult):
         if self.rests_exactly or math.isinf(self.bins_tol) or off <= self.bins_error_estimate:
             return ""
         return (
-            f"Bins with an edge at angle 0 or velocity 0 may be off by {off:.2g} in all (L1): on which side, and in "
-            "which direction, a block at rest rattles is not resolved. Bins that hold rest whole are not affected."
+            f"Bins with an edge at angle 0 or velocity 0 may be off by {off:.2g} in all (L1): the mesh does not "
+            "resolve on which side, and in which direction, a block at rest rattles. Bins that contain the region of "
+            "rest as a whole are not affected."
         )
 
     @property

@@ -384,7 +384,7 @@ def _refuse_unresolved(result):
     if negative > limit:
         raise ValueError(
             f"scene: got a density that a mesh of {result.settings['unknowns']:,} unknowns does not resolve, nor would "
-            f"the finest (negative mass {negative:.1e}), accepted: up to {limit}; the noise, of diffusion "
+            f"the finest (negative mass {negative:.1e}), accepted: a mass up to {limit}; the noise, of diffusion "
             f"{result.diffusion:.3g}, is too weak for motions of such different sizes, or filtered noise too slow: use "
             "Monte Carlo"
         )

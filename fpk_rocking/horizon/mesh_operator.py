@@ -262,7 +262,7 @@ def judge(refined, tol):
     if fine.negative_mass > limit:
         raise ValueError(
             "scene: got a quasi-stationary density that the finest mesh does not resolve (negative mass "
-            f"{fine.negative_mass:.1e}), accepted: up to {limit}; the noise is too weak: use Monte Carlo"
+            f"{fine.negative_mass:.1e}), accepted: a mass up to {limit}; the noise is too weak: use Monte Carlo"
         )
     if not refined.error < 1.0:
         raise ValueError(

@@ -17,7 +17,7 @@ from fpk_rocking.scene.units import STANDARD_GRAVITY
 RARE = 0.05
 """Probability of overturning below which the number of harmonics of band noise may change it by a factor."""
 
-UNCHECKED = "Replaced, not checked: what the replacement of the noise changes is not part of the errors stated here."
+UNCHECKED = "Replaced, not checked: the errors stated here do not contain the error by the replacement of the noise."
 
 
 def scene_text(scene: Scene) -> str:
@@ -77,7 +77,7 @@ def remarks(*results: Any) -> tuple[str, ...]:
     >>> from fpk_rocking.results.remarks import remarks
     >>> from montecarlo import simulate
     >>> print(*remarks(simulate(Scene.from_block(0.5, 1.8, "0.4 g", "1.5 Hz"), cycles=2)))
-    A block with a friction coefficient below 0.278 slides before it rocks; rocking needs more still (contact_forces).
+    A block with a friction coefficient below 0.278 slides before it rocks; rocking needs a higher one (contact_forces).
     """
     return tuple(dict.fromkeys(sentence for result in results for sentence in result.remarks))
 
@@ -110,18 +110,18 @@ def _harmonics(result):
         if noise.harmonics >= enough:
             return ""
         return (
-            f"Few harmonics: noise of this band and duration has {enough} independent ones, and {noise.harmonics} are "
-            "drawn. So small a probability may be too large; with 100 in place of 248 it was so by a factor of 1.5."
+            f"Few harmonics: noise of this band and duration needs {enough}, and {noise.harmonics} are drawn. A "
+            "probability as small as this may be too large: with 100 in place of 248 it was, by a factor of 1.5."
         )
     return (
         f"The frequencies of the {noise.harmonics} harmonics are drawn independently, so realizations differ in "
-        "strength. So small a probability is then larger than under Gaussian noise, with 100 harmonics by a factor of "
-        'up to 3: take frequencies = "stratified" unless this noise is meant.'
+        "strength. A probability as small as this is then larger than under Gaussian noise, by a factor of up to 3 "
+        'with 100 harmonics: take frequencies = "stratified" unless independent frequencies are meant.'
     )
 
 
 def baseline_remark(forcings: Iterable[Forcing]) -> str:
-    """Return sentences on what was removed from the baselines of records, and what this changes of PGV and PGA.
+    """Return sentences on what was removed from the baselines of records, and how this changes PGV and PGA.
 
     Equal samples count once; the text is empty where no baseline was corrected.
     """
@@ -167,8 +167,8 @@ def drifting(forcing: Forcing) -> list[Diagnostic]:
         return []
     drift = forcing.drift
     sentence = (
-        f"{forcing.source or 'The record'} drifts: its PGV of {drift.pgv:.3g} m/s as recorded is that of a drifting "
-        f"integral, {drift.corrected_pgv:.3g} m/s without {_line_of(drift)} and what lies below "
+        f"{forcing.source or 'The record'} drifts: its PGV is {drift.pgv:.3g} m/s as recorded, but "
+        f"{drift.corrected_pgv:.3g} m/s without {_line_of(drift)} and without frequencies below "
         f'{forcing.corner_hz:.3g} Hz. Take baseline = "high-pass" (--baseline high-pass).'
     )
     return [Diagnostic(CAUTION, sentence, "drift")]
@@ -188,9 +188,9 @@ def airborne(motions: Iterable[tuple[Forcing, float]]) -> list[Diagnostic]:
     strength = f", {times:.3g} times as strong as recorded," * (times != 1.0)
     sentence = (
         f"The vertical motion of {forcing.source or 'the record'}{strength} takes all weight off the block at "
-        f"{time:.4g} s: it would leave the ground there, and this model holds its corner down."
+        f"{time:.4g} s: the block would leave the ground, but the model keeps its corner on the ground."
     )
-    others = f" ({len(found) - 1} of the other motions likewise.)" * (len(found) > 1)
+    others = f" (The same holds for {len(found) - 1} of the other motions.)" * (len(found) > 1)
     return [Diagnostic(CAUTION, sentence + others, "airborne")]
 
 
@@ -215,7 +215,7 @@ def _sliding(block):
     if least is None:
         return ""
     return (
-        f"A block with a friction coefficient below {least:.3g} slides before it rocks; rocking needs more still "
+        f"A block with a friction coefficient below {least:.3g} slides before it rocks; rocking needs a higher one "
         "(contact_forces)."
     )
 
@@ -234,7 +234,7 @@ def _slender(block):
     return [Diagnostic(CAUTION, sentence, "slender")]
 
 
-EXACT_PATH = "Deterministic: one path, exact to rounding, which a chaotic motion amplifies."
+EXACT_PATH = "Deterministic: one path, exact but for rounding errors, which grow in a chaotic motion."
 """Reason of the verdict on the one path of a deterministic scene by the method "exact"."""
 
 

@@ -94,7 +94,7 @@ def check_remarks(density: Any) -> Iterator[str]:
     check, total = density.replacement, density.total_error
     yield (
         f"{density.overturning_text()}. Replacement: {check.realizations:,} paths under the noise of the scene "
-        f"({check.method}, seed {check.seed}, {check.wall_s:.1f} s) less the density, with its 95 % sampling error. "
+        f"({check.method}, seed {check.seed}, {check.wall_s:.1f} s) minus the density, with its 95 % sampling error. "
         "Total: numerics + |replacement| + sampling error."
     )
     if total.max() <= max(REPLACED, density.tol):
@@ -105,7 +105,7 @@ def check_remarks(density: Any) -> Iterator[str]:
         return
     alone = 1.0 - density.survival[-1] - check.difference[-1, 0]
     yield (
-        f"Better here are the paths alone: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} in the end."
+        f"The paths alone are better here: P(overturned) = {alone:.4f} ± {check.sampling_error[-1, 0]:#.2g} at the end."
     )
     noise, block = density.scene.noise, density.scene.block
     part = equivalence.relative_variance(noise, critical_angle=block.critical_angle)
@@ -115,9 +115,9 @@ def check_remarks(density: Any) -> Iterator[str]:
         spread = f"; realizations of {noise.harmonics} harmonics differ in strength by {100.0 * strength:.0f} %"
     rest = (
         f"; the forcing alone reaches {density.scene.forcing.largest:.3g}, a block at rest lifts off above "
-        f"{block.lift_off:.4g}, and under white noise none rests"
+        f"{block.lift_off:.4g}, but under white noise no block stays at rest"
     )
     yield (
-        f"What may explain it: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
+        f"A possible cause: the band [{noise.band[0]:g}, {noise.band[1]:g}] covers {100.0 * part:.0f} % of the "
         f"Melnikov variance of equally strong white noise{spread}{'' if density.rests_exactly else rest}."
     )

@@ -28,8 +28,8 @@ def return_diagnostics(scene: Scene, overturned: float, error: float, returns: A
     """Return a caution if blocks that come back change a probability of overturning by more than its error.
 
     `overturned` and `error` are those at the last time; `returns` (2,) counts the paths that overturned and were
-    followed on to the fall, and those of them that came back. The list is empty where the lower limit (95 %) of what
-    comes back is within the error.
+    followed to the fall, and those of them that came back. The list is empty where the lower limit (95 %) of the part
+    that comes back is within the error.
     """
     followed, back = (int(count) for count in returns)
     if followed == 0:
@@ -41,11 +41,11 @@ def return_diagnostics(scene: Scene, overturned: float, error: float, returns: A
     limits = (
         "" if scene.deterministic else f" (95 %: {overturned * (1.0 - high):.2f} to {overturned * (1.0 - low):.2f})"
     )
-    paths = "the path" if followed == 1 else f"{followed} such paths"
+    paths = "the one path" if followed == 1 else f"{back} of {followed} such paths"
     sentence = (
         f"A block counts as overturned here from {degrees:.0f}° on (π/2 critical angles, the default), but the shaking "
-        f"brings blocks back from there: of {paths} followed on, {back} did not fall. P(overturned) would be about "
-        f"{overturned * (1.0 - back / followed):.2f}{limits} in place of {overturned:.2f} if the fall itself counted: "
-        'overturning_angle = "90 deg" (in a scene file overturning.angle_deg = 90).'
+        f"brings blocks back from there: {paths} followed further did not fall. If the fall itself counted, "
+        f"P(overturned) would be about {overturned * (1.0 - back / followed):.2f}{limits} in place of "
+        f'{overturned:.2f}: take overturning_angle = "90 deg" (in a scene file overturning.angle_deg = 90).'
     )
     return [Diagnostic(CAUTION, sentence, "returns")]

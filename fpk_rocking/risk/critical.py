@@ -281,7 +281,7 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    more = f"; {far_always} must be, for it to overturn at all higher factors too" * (far_always > far.size)
+    more = f"; for it to overturn at all higher factors too, {far_always} must" * (far_always > far.size)
     sentence = (
         f"{far.size} of {factor.size} motions must be scaled by more than {LARGEST_FACTOR:g}, up to {far.max():.3g}, "
         f"to overturn the block{more}. Common advice is to scale a record by 4 or 5 at most "

@@ -270,7 +270,7 @@ class Fragility(Result):
         grouped = []
         for kind in kinds.values():
             first, *others = sorted(kind, key=lambda diagnostic: -diagnostic.severity)
-            likewise = f" ({len(others)} of the others likewise.)" * bool(others)
+            likewise = f" (The same holds for {len(others)} of the others.)" * bool(others)
             grouped.append(first._replace(message=first.message + likewise))
         return grouped
 
@@ -300,7 +300,7 @@ class Fragility(Result):
         m, which, last = np.unravel_index(fall.argmax(), fall.shape)
         curve, scale = self.probability[m, which], self.scale
         first = int(np.nanargmax(low[m, which, : last + 1]))
-        repeats = "Harmonic shaking may do so by its phase: try others." if self.scenes[0].repeats else ""
+        repeats = "The phase of the harmonic shaking may cause this: try others." if self.scenes[0].repeats else ""
         sentence = (
             f"The probability falls as the shaking grows: {curve[first]:.3g} at scale {scale[first]:.4g}, "
             f"{curve[last]:.3g} at {scale[last]:.4g}. {repeats}"

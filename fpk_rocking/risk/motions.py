@@ -298,8 +298,8 @@ def floor_diagnostics(scenes: Sequence[Scene], measure: str) -> list[Diagnostic]
         return []
     sentence = (
         f"{narrow} of {len(records)} motions have one narrow peak in their spectrum, as on an upper floor (or on soft "
-        f"soil). A hazard is not of the {measure} of a floor: give the motions of its ground too (--ground), or take "
-        "motions of the ground and the building (--building)."
+        f"soil). A hazard curve is for the {measure} of the ground, not of a floor: give the motions of the ground too "
+        "(--ground), or take motions of the ground and the building (--building)."
     )
     return [Diagnostic(CAUTION, sentence, "floor")]
 

@@ -221,10 +221,8 @@ class IntensityCurve(Result):
         """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
         half = float(0.5 * np.diff(self.point_limits).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else self._one.removeprefix("one ")
-        tell = "tells" if self.units == 1 else "tell"
-        sentence = (
-            f"{self.units} {what} {tell} the probabilities for others of their kind to ±{half:.2g} at worst (95 %)."
-        )
+        sentence = f"From {self.units} {what}, the probabilities for others of {'its' if self.units == 1 else 'their'} "
+        sentence += f"kind are known to ±{half:.2g} at worst (95 %)."
         few = [] if math.isnan(half) else [Diagnostic(CAUTION * (half > UNASKED), sentence, "few motions", half)]
         return [*self.model, *self.fit_diagnostics, *few]
 

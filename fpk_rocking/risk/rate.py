@@ -126,12 +126,12 @@ class Risk(Result):
         parts = "{:.0f} % of the rate comes from intensities beyond the points of "
         if share > _FEW:
             low, high = self.by_other_slopes
-            text = f"{parts.format(100.0 * share)}the hazard curve, where its power laws go on"
+            text = f"{parts.format(100.0 * share)}the hazard curve, where power laws extrapolate it"
             unit = self._other_unit() if share > _MOST else ""
             # As a `rate_error` of .5, its limit.
             useless = bool(unit or (share > _MOST and high > low * math.exp(2.0 * 1.96 * 0.5)))
             slopes = f"with half and with twice their exponents there the rate is {rate_text(low)} to {rate_text(high)}"
-            text = f"{unit} {text}." if unit else f"{text}; {slopes}{': give more of them' * useless}."
+            text = f"{unit} {text}." if unit else f"{text}; {slopes}{': give more points' * useless}."
             if useless or high > (1.0 + _FEW) * low:
                 against.append(Diagnostic(UNUSABLE if useless else CAUTION, text, "the hazard curve"))
         doubt, fitted = self.beyond_curve, self.curve.fitted and not self.curve.by_points
@@ -141,11 +141,11 @@ class Risk(Result):
             above = doubt - self.below_curve
             doubt = self.below_curve + (above * (1.0 / last - 1.0) if last > 0.0 else above)
         if doubt > _FEW:
-            law = "its lognormal curve goes on"
-            points = f"a lognormal curve of dispersion {self.curve.tail:.2g} goes on below, the last probability above"
+            law = "its lognormal curve extrapolates it"
+            points = f"a lognormal curve of dispersion {self.curve.tail:.2g} is used below, the last probability above"
             text = f"{parts.format(100.0 * self.beyond_curve)}the fragility, where {law if fitted else points}"
             severity = UNUSABLE if doubt > _MOST else CAUTION
-            against.append(Diagnostic(severity, f"{text}: give more of them.", "the fragility"))
+            against.append(Diagnostic(severity, f"{text}: give more points.", "the fragility"))
         if self._two_rates > _DIFFERENT:
             advice = "" if self.curve.fitted else " With points at more intensities the files come closer."
             against.append(Diagnostic(CAUTION, f"{self._carried}{advice}", "exported rate"))

@@ -203,7 +203,7 @@ class Study(Result):
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
             if self.curve.units == 1 and len(self.curve.jumps):
-                sentence = "One motion has no limits: how much another one differs is not known."
+                sentence = "One motion gives no limits: how much another one would differ is not known."
             against.append(Diagnostic(CAUTION, sentence, "one record"))
         same = len(motions) - len(dict.fromkeys(motions))
         if same:
@@ -214,8 +214,8 @@ class Study(Result):
         against += factor_diagnostics(self.factors, always)
         if MOVED < self.moved < math.inf:
             sentence = (
-                f"The rate still moved by {100.0 * self.moved:.2g} % with the last of {self.added} intensities that "
-                "were added to those asked for: give more realizations, or more intensities where the rate comes from."
+                f"The rate still changed by {100.0 * self.moved:.2g} % with the last of {self.added} intensities that "
+                "were added to those asked for: give more realizations, or intensities where most of the rate arises."
             )
             against.append(Diagnostic(CAUTION, sentence, "intensities"))
         return against
@@ -266,7 +266,7 @@ class Study(Result):
             return ""
         names = ", ".join(name for name, always in zip(suite.names, suite.always, strict=True) if math.isinf(always))
         end = f"at {FARTHEST:,.0f} times the acceleration that lifts it off, where the search ends"
-        return f"The block stands {end}, under {names}. For the limits, such a motion overturns it above that."
+        return f"The block still stands {end}, under {names}. The limits count these motions as overturning above that."
 
     @property
     def about_correction(self) -> str:
@@ -287,7 +287,8 @@ class Study(Result):
             return f"{text}."
         rate = annual_frequency(self.uncorrected, self.risk.hazard).rate
         ratio = f", {rate / self.risk.rate:.3g} times this one" if self.risk.rate > 0.0 else ""
-        return f"{text}, and the annual rate would be {rate_text(rate)}{ratio}; the limits do not contain this."
+        text += f", and the annual rate would be {rate_text(rate)}{ratio}"
+        return f"{text}; the limits do not contain this difference."
 
     @property
     def at_asked(self) -> dict[str, Array]:
@@ -330,10 +331,10 @@ class Study(Result):
         text += f"With a coefficient of friction below {friction:.3g} it slides "
         tied = "Forces of ties are static, at the largest peak acceleration of the motions, and hold for rigid ties. "
         tied += "If a tie stretches or has slack, the block begins to rock, and the force may be larger."
-        text += "before it rocks; rocking needs somewhat more."
+        text += "before it rocks; rocking needs somewhat more friction."
         if self.friction is not None and self.friction >= not_none(friction):
-            text += f" With {self.friction:g} it lifts off; whether it slides while it rocks, `contact_forces` tells."
-        text += " This, and forces of ties, are without the vertical motions." * self._lifted
+            text += f" With {self.friction:g} it lifts off; `contact_forces` tells whether it slides while it rocks."
+        text += " These values, and forces of ties, do not include the vertical motions." * self._lifted
         return [text, *[tied] * bool(self.asked.size)]
 
     def _lift_off_on_ground(self, level):
@@ -368,9 +369,9 @@ class Study(Result):
             str(self.trust),
             *self.block_lines,
         ]
-        points = "In its place stand the points, joined by lines"
+        points = "The points, joined by lines, are used instead"
         if curve.jumps.size and self.risk:
-            points = "The rate is by the intensities at which each motion overturns the block"
+            points = "The rate follows from the intensities at which each motion overturns the block"
         if fit.reason:
             lines.append(f"No lognormal fit: {fit.reason}. {points}.")
         else:
@@ -385,8 +386,8 @@ class Study(Result):
                 misfit += f"; a test does not reject the lognormal form (p = {fit.p_value:.2g})"
             lines.append(f"{text}; {misfit}.")
         if self.added and self.moved <= MOVED:
-            moved = f"the last of them moved the rate by {100.0 * self.moved:.2g} %"
-            lines.append(f"{self.added} intensities were added where the rate comes from; {moved}.")
+            moved = f"the last of them changed the rate by {100.0 * self.moved:.2g} %"
+            lines.append(f"{self.added} intensities were added where most of the rate arises; {moved}.")
         lines += [text for text in self.remarks if text not in self.trust.reasons]
         lines += self._ordered()
         lines += filter(None, [self.about_critical])

@@ -168,7 +168,7 @@ class Probability(RowResult):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences: why this method was taken, about the scene, and that a probability is below its error."""
-        small = "The probability is below its error: `rtol` asks for a relative error."
+        small = "The probability is smaller than its error: ask for a relative error by `rtol`."
         return (self.reason, *super().remarks, *[small] * (self.error > self.overturned))
 
     def derived(self) -> dict[str, Any]:
@@ -534,7 +534,7 @@ def _refuse(outlook, splitting_s):
 def by_paths(paths: Paths, interrupted: bool = False) -> Found:
     """Return what the paths so far say; the error of their time steps is not measured where they are `interrupted`."""
     errors, engine = paths.half_widths, paths.run.method
-    reason = f"Paths under the noise as it is reach the wanted error soonest ({engine} engine)."
+    reason = f"Paths under the noise of the scene reach the wanted error soonest ({engine} engine)."
     if engine != "exact" and not interrupted:
         coarse = paths.coarser()
         coarse.sample(max(paths.paths // _FEWER, PILOT))

@@ -112,7 +112,7 @@ def test_motions_that_drift_are_told_and_those_that_do_not_are_not():
             spoiled = drifting(motion, sign * 0.004, sign * 2e-4)
             (sentence,) = drift_sentences(spoiled)
             assert spoiled.drift.pgv > 1.25 * spoiled.drift.corrected_pgv
-            assert f"its PGV of {spoiled.drift.pgv:.3g} m/s as recorded is that of a drifting integral" in sentence
+            assert f"its PGV is {spoiled.drift.pgv:.3g} m/s as recorded, but " in sentence
             assert f"an offset of {spoiled.drift.offset / G:.2g} g" in sentence
             assert sentence.endswith('Take baseline = "high-pass" (--baseline high-pass).')
             # Whatever the intensity it is scaled to, or the size of the block.

@@ -331,7 +331,7 @@ def test_a_fragility_that_falls_or_never_reaches_a_half_says_so(kinds):
     (reason,) = [one for one in dataclasses.replace(whole, probability=falls).trust.reasons if "falls" in one]
     assert reason == (
         f"The probability falls as the shaking grows: {falls[0, 0, -2]:.3g} at scale {scale[-2]:.4g}, "
-        f"{falls[0, 0, -1]:.3g} at {scale[-1]:.4g}. Harmonic shaking may do so by its phase: try others."
+        f"{falls[0, 0, -1]:.3g} at {scale[-1]:.4g}. The phase of the harmonic shaking may cause this: try others."
     )
     falls = falls.copy()
     falls[0, 0, -1] = falls[0, 0, -2] - 0.001

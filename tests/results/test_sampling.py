@@ -109,12 +109,12 @@ def test_noise_that_was_solved_as_it_is_needs_no_check():
 
 def test_what_may_explain_a_failure_stands_beside_it_alone():
     def told(found):
-        starts = "Better here", "What may explain", "Most of the total"
+        starts = "The paths alone", "A possible cause", "Most of the total"
         return [text for text in remarks(found) if text.startswith(starts)]
 
     assert told(density()) == told(density().checked(even(32_400))) == []
     better, why = told(density().checked(even(33_600)))
-    assert better == "Better here are the paths alone: P(overturned) = 0.1600 ± 0.0036 in the end."
+    assert better == "The paths alone are better here: P(overturned) = 0.1600 ± 0.0036 at the end."
     assert "covers 100 %" in why
     assert "100 harmonics differ in strength by 24 %" in why
     assert "the forcing alone reaches 4.6" in why

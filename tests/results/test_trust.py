@@ -65,7 +65,7 @@ def test_a_block_with_dimensions_that_is_taken_as_slender_is_remarked_on(block, 
     assert [one.name for one in scene_diagnostics(result.scene, "")] == ["slender"] * said
     assert result.trust.verdict == ("caution" if said else "ok")
     sliding = (
-        f"A block with a friction coefficient below {friction} slides before it rocks; rocking needs more still "
+        f"A block with a friction coefficient below {friction} slides before it rocks; rocking needs a higher one "
         "(contact_forces)."
     )
     first, rest = remarks(result)[: bool(friction)], remarks(result)[bool(friction) :]

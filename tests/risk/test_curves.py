@@ -157,7 +157,7 @@ def test_the_mean_of_motions_is_a_curve_for_others_of_their_kind(outcomes):
     assert pooled.trust.verdict == "caution"
     half = 0.5 * np.diff(pooled.point_limits).max()
     assert (
-        f"5 motions tell the probabilities for others of their kind to ±{half:.2g} at worst (95 %)."
+        f"From 5 motions, the probabilities for others of their kind are known to ±{half:.2g} at worst (95 %)."
         in pooled.trust.reasons
     )
     assert json.dumps(pooled.summary(), allow_nan=False)
@@ -186,8 +186,8 @@ def test_doubts_are_grouped_by_their_code_and_sentences_by_nothing(monkeypatch):
     monkeypatch.setattr("fpk_rocking.risk.curves.scene_diagnostics", diagnosed)
     reasons = [reason for reason in dataclasses.replace(curves, wall_s=2.0).trust.reasons if "half width" not in reason]
     assert [reason for reason in reasons if "fit" not in reason] == [
-        "Wide: Measured: here. (1 of the others likewise.)",
-        "Wide: of Measured: here. (1 of the others likewise.)",
+        "Wide: Measured: here. (The same holds for 1 of the others.)",
+        "Wide: of Measured: here. (The same holds for 1 of the others.)",
         "Bare.",
     ]
 

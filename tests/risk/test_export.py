@@ -41,8 +41,8 @@ def test_a_lognormal_curve_in_nrml(tmp_path):
     assert [element.tag for element in model] == [
         SPACE + tag for tag in ("description", "limitStates", "fragilityFunction")
     ]
-    verdict = "Verdict: caution. 1 scene tells the probabilities for others of their kind to ±0.091 at worst (95 %). "
-    verdict += "PGV in this file is in cm/s."
+    verdict = "Verdict: caution. From 1 scene, the probabilities for others of its kind are known to ±0.091 at worst "
+    verdict += "(95 %). PGV in this file is in cm/s."
     assert (model[0].text, model[1].text) == (f"a & b {verdict}", "angle_0p5 overturned")
     function = model[2]
     assert function.attrib == {"id": "rack_1", "format": "continuous", "shape": "logncdf"}

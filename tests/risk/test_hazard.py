@@ -160,11 +160,11 @@ def test_two_points_of_a_map_give_a_rate_and_what_other_slopes_would_make_of_it(
     assert risk.trust.verdict == "caution"
     low, high = (f"{value:.2e}".replace("e-0", "e-") for value in risk.by_other_slopes)
     share = f"{100 * risk.beyond_hazard:.0f} % of the rate comes from intensities beyond the points of the hazard curve"
-    text = f"{share}, where its power laws go on; with half and with twice their exponents there the rate is "
+    text = f"{share}, where power laws extrapolate it; with half and with twice their exponents there the rate is "
     assert f"{text}{low} to {high}." in risk.sentences
     far = annual_frequency(curve_of(1.5, 0.4, replicates=[(1.5, 0.4)] * 9), risk.hazard)
     assert far.trust.verdict == "do not use"
-    assert far.sentences[1].endswith(": give more of them.")
+    assert far.sentences[1].endswith(": give more points.")
 
 
 def test_what_is_exceeded_so_often_is_the_inverse_of_the_hazard():

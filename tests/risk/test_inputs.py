@@ -147,7 +147,7 @@ def test_uncertain_restitution_widens_a_curve_on_the_command_line(capsys, tmp_pa
                      "--cycles", "1", "--realizations", "5"]) == 0  # fmt: skip
     printed = " ".join(capsys.readouterr().out.split())
     assert "against scale, from 3 blocks" in printed
-    assert "3 blocks tell the probabilities for others of their kind to ±" in printed
+    assert "From 3 blocks, the probabilities for others of their kind are known to ±" in printed
     for wrong in (["--pga", "0.4"], ["--blocks", "3"], ["--uncertain", "x"], [*drawing, "--over", "width=1,2"]):
         assert cli.main([*arguments, *wrong]) == 2
         assert "accepted: " in capsys.readouterr().err

@@ -71,14 +71,14 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
         "annual rate of overturning = 2.81e-3 (95 %: 2.32e-3 to 3.40e-3): return period"
     )
     assert any(
-        "beyond the points of the hazard curve, where its power laws go on; with half and with twice " in sentence
+        "beyond the points of the hazard curve, where power laws extrapolate it; with half and with twice " in sentence
         for sentence in risk.sentences
     )
     points = annual_frequency(
         dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
     )
     assert "(all probabilities at their lower, or all at their upper limits, as there is no fit)" in points.sentences[0]
-    assert "the fragility, where a lognormal curve of dispersion 0.5 goes on below, the last " in points.sentences[1]
+    assert "the fragility, where a lognormal curve of dispersion 0.5 is used below, the last " in points.sentences[1]
     assert [diagnostic.kind for diagnostic in risk.diagnostics if diagnostic.severity] == ["the hazard curve"]
     assert risk.rate_error == pytest.approx(math.log(risk.interval[1] / risk.interval[0]) / (2 * 1.96))
     wide = annual_frequency(curve_of(), Hazard(np.geomspace(1e-3, 1e3, 30), 1e-3 * np.geomspace(1e-3, 1e3, 30) ** -2.0))
@@ -119,14 +119,14 @@ def test_a_rate_from_beyond_the_points_is_of_no_use_and_the_unit_that_was_meant_
         f"Are the intensities of the hazard in {unit}? They were read in {own}, as {intensity[0]:.4g} to"
     )
     assert f"; in {unit} they are {least:.4g} to 6 {own}. " in message
-    assert message.endswith("go on.")
+    assert message.endswith("extrapolate it.")
     heading = f"{measure} ({unit}),annual rate"
     assert f"If so, write '{heading}' as its first line." in message
     file = tmp_path / "hazard.csv"
     file.write_text("\n".join([heading, *(f"{a},{b}" for a, b in zip(intensity, meant.rate, strict=True))]))
     assert Hazard.from_csv(file).intensity == pytest.approx(intensity / factor, rel=1e-9)
     far = annual_frequency(curve, Hazard(1e6 * meant.intensity, meant.rate)).model_diagnostics()[0]
-    assert (far.severity, far.message.endswith(": give more of them.")) == (UNUSABLE, True)
+    assert (far.severity, far.message.endswith(": give more points.")) == (UNUSABLE, True)
     share = annual_frequency(curve, Hazard([0.71 * curve.fit.median, 6.0], [1e-2, 1e-5]))
     assert 0.05 < share.beyond_hazard < 0.5
     assert [diagnostic.severity for diagnostic in share.model_diagnostics()] == [CAUTION]

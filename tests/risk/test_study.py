@@ -296,7 +296,7 @@ def test_one_motion_is_accepted_and_doubted_and_a_few_are_refused_before_anythin
     assert cli.main([*arguments, "--synthetic", "1"]) == 0
     printed = capsys.readouterr()
     assert "One motion: the scatter from motion to motion is neither in the rate nor in its limits." in printed.out
-    assert "In its place stand the points, joined by lines." in printed.out
+    assert "The points, joined by lines, are used instead." in printed.out
     refused = "fpk-rocking risk: rack.csv and rack.json for pelicun are not written: probability at the highest"
     assert f"{refused} intensity: got 0" in printed.err
     assert not (tmp_path / "out" / "rack.csv").exists()

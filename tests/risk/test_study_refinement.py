@@ -160,7 +160,7 @@ def test_motions_that_overturn_only_scaled_far_are_a_caution():
 
 def test_a_rate_that_still_moves_is_a_caution():
     restless = dataclasses.replace(shaken(4), moved=0.07)
-    (reason,) = [text for text in restless.trust.reasons if "still moved" in text]
+    (reason,) = [text for text in restless.trust.reasons if "still changed" in text]
     assert "by 7 % with the last of" in reason
     (moving,) = [diagnostic for diagnostic in restless.diagnostics if diagnostic.name == "intensities"]
     assert (moving.message, moving.severity) == (reason, CAUTION)

@@ -115,7 +115,7 @@ def test_motions_that_do_not_settle_are_told_by_name(monkeypatch):
     assert 0 < stands.sum() < 6
     names = ", ".join(motion.source for motion, standing in zip(motions, stands, strict=True) if standing)
     (said,) = [text for text in result.remarks if "where the search ends" in text]
-    assert f"where the search ends, under {names}. For the limits" in said
+    assert f"where the search ends, under {names}. The limits count" in said
     ends = [3.0 * 0.5 / 1.8 * 9.80665 / intensities(scene).pga * intensities(scene).pgv for scene in result.recorded]
     assert result.curve.reach == pytest.approx(min(end for end, standing in zip(ends, stands, strict=True) if standing))
     monkeypatch.undo()
@@ -212,7 +212,9 @@ def test_what_a_correction_of_baselines_changes_of_the_rate_is_said():
     (text,) = [text for text in corrected.remarks if text.startswith("Without the correction")]
     rate = f"{raw.risk.rate:.2e}".replace("e-0", "e-")
     ratio = f"{raw.risk.rate / corrected.risk.rate:.3g}"
-    assert text.endswith(f"annual rate would be {rate}, {ratio} times this one; the limits do not contain this.")
+    assert text.endswith(
+        f"annual rate would be {rate}, {ratio} times this one; the limits do not contain this difference."
+    )
     as_recorded = corrected.table()["pgv_as_recorded_m_per_s"]
     assert as_recorded == pytest.approx(raw.table()["pgv_m_per_s"], rel=2e-3)  # at samples, and between them
     assert as_recorded != pytest.approx(corrected.table()["pgv_m_per_s"], rel=0.05)
