@@ -167,7 +167,8 @@ def kept(path: pathlib.Path | None) -> list[Finding]:
 
 def keep(path: pathlib.Path, findings: list[Finding]) -> None:
     """Write the file of findings, whole or not at all."""
-    storage.write_csv(path, FIELDS, [row for finding in findings for row in rows_of(finding)])
+    rows = [row for finding in findings for row in rows_of(finding)]
+    storage.write_csv(path, dict(zip(FIELDS, zip(*rows, strict=True), strict=True)))
 
 
 def counts_of(findings: list[Finding]) -> list[Any]:

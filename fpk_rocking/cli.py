@@ -193,11 +193,12 @@ def _compare(options):
 
 def _fragility(options):
     from fpk_rocking.output.tables import reporting
+    from fpk_rocking.results.storage import write_csv
     from fpk_rocking.risk import IntensityCurve, drawn, fragility
     from fpk_rocking.risk.motions import motion_lines, motion_table
-    from fpk_rocking.risk.picture import curve_table, fragility_table
+    from fpk_rocking.risk.picture import curve_columns, curve_table, fragility_table
 
-    scenes, over = shaken_scenes(options), None
+    (scenes, replaced), over = shaken_scenes(options), None
     if options.over is not None:
         name, equals, values = options.over.partition("=")
         if not equals:
@@ -225,29 +226,32 @@ def _fragility(options):
             progress=progress,
             **passed(options, "engine", "realizations", "tol", "seed", "workers", "store"),
         )
-    shown, values = result, result.summary()
+    curves, values = [], result.summary()
     if draws is not None or (options.records and len(scenes) > 1):
-        # The saved result keeps the rows of each scene; what is looked at is the curve over all of them.
-        shown = IntensityCurve.of(result, result.measure, draws=draws)
-        values |= {"pooled": shown.summary()}
+        # The saved result keeps the rows of each scene; what is looked at are the curves over all of them.
+        curves = [IntensityCurve.of(result, result.measure, which, draws=draws) for which in range(len(result.names))]
+        values |= {"pooled": curves[0].summary(), "pooled_levels": [curve.summary() for curve in curves[1:]]}
     if options.out:
         result.save(options.out / "result.npz")
-        (result if draws is None else shown).to_csv(options.out / "fragility.csv")
-        _fragility_figure(options.out / "fragility.png", shown)
-    table = result.motion_table if draws is None else motion_table(motions)
-    lines = motion_lines(table, result.measure, at_one=True) if options.records else ()
-    _hand_over(options, shown, values, fragility_table(result) if shown is result else curve_table(shown, lines))
+        write_csv(options.out / "fragility.csv", result.table() if draws is None else curve_columns(curves))
+        _fragility_figure(options.out / "fragility.png", result, curves)
+    title, table, sentences = curve_table(curves) if curves else fragility_table(result)
+    if curves and options.records:
+        of_motions = result.motion_table if draws is None else motion_table(motions)
+        sentences += tuple(motion_lines(of_motions, result.measure, at_one=True))
+    sentences += (replaced,) * bool(replaced)
+    _hand_over(options, curves[0] if curves else result, values, (title, table, sentences))
 
 
-def _fragility_figure(path, result):
-    """Draw a `Fragility` as curves or as a surface, or an `IntensityCurve`."""
+def _fragility_figure(path, result, curves):
+    """Draw a `Fragility` as curves or as a surface, or its `IntensityCurve`s, if any."""
     from fpk_rocking.results.pictures import page
-    from fpk_rocking.risk import Fragility
-    from fpk_rocking.risk.picture import curves_figure, draw_curve, surface_figure
+    from fpk_rocking.risk.picture import curves_figure, curves_title, draw_curve, surface_figure
 
-    if not isinstance(result, Fragility):
-        with page(path, (7.0, 5.0), result.title) as figure:
-            draw_curve(figure.subplots(), result)
+    if curves:
+        with page(path, (6.0 * len(curves) + 1.0, 5.0), curves_title(curves)) as figure:
+            for axes, curve in zip(figure.subplots(1, len(curves), squeeze=False)[0], curves, strict=True):
+                draw_curve(axes, curve)
     elif result.axis == "scene":
         curves_figure(path, [result], which=None)
     else:

@@ -378,8 +378,8 @@ def building_of(options):
 
 
 def shaken_scenes(options):
-    """The scenes that are named, or one scene under each of the records."""
-    from fpk_rocking.risk.motions import recorded_scenes
+    """The scenes that are named, or one scene under each of the records; a sentence on the forcing they replace."""
+    from fpk_rocking.risk.motions import recorded_scenes, unused_forcing_text
 
     scenes = [scene_of(options, path) for path in options.scenes]
     if options.records and len(scenes) > 1:
@@ -390,5 +390,7 @@ def shaken_scenes(options):
     corrections = passed(options, "units", "interval", "component", "baseline", "corner_hz", "ground", "vertical")
     corrections["building"] = building_of(options)
     if not options.records and corrections == {"building": None}:
-        return scenes
-    return [shaken for scene in scenes for shaken in recorded_scenes(scene, options.records or (), **corrections)]
+        return scenes, ""
+    records = options.records or ()
+    shaken = [one for scene in scenes for one in recorded_scenes(scene, records, **corrections)]
+    return shaken, unused_forcing_text(scenes[0], records, shaken)

@@ -259,8 +259,7 @@ class Result:
         ----------
         path : str or pathlib.Path
         """
-        columns = self.table()
-        storage.write_csv(path, columns, zip(*(column.tolist() for column in columns.values()), strict=True))
+        storage.write_csv(path, self.table())
 
     def to_dataframe(self) -> Any:
         """Return the `table` as a `pandas.DataFrame`; needs ``pip install 'fpk-rocking[frames]'``."""

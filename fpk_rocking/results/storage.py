@@ -18,7 +18,7 @@ import re
 import secrets
 import typing
 import zipfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -55,10 +55,11 @@ def write_text(path: File, text: str) -> None:
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
-def write_csv(path: File, names: Iterable[str], rows: Iterable[Iterable[Any]]) -> None:
-    """Write a table, names and rows of as many values, as a CSV file in UTF-8, whole or not at all."""
+def write_csv(path: File, columns: Mapping[str, Any]) -> None:
+    """Write columns of equal length by name as a CSV file in UTF-8, whole or not at all."""
+    values = (column.tolist() if isinstance(column, np.ndarray) else column for column in columns.values())
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([names, *rows])
+    csv.writer(text, lineterminator="\n").writerows([columns, *zip(*values, strict=True)])
     write_text(path, text.getvalue())
 
 

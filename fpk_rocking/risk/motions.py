@@ -248,6 +248,17 @@ def recorded_scenes(
     return [under_motion(scene, motion) for motion in motions]
 
 
+def unused_forcing_text(scene: Scene, records: Sequence[Any], shaken: Sequence[Scene]) -> str:
+    """Return a sentence, that `records`, if any, replace the forcing of a scene; empty where it is 0 or one of them.
+
+    `shaken`: the scene under each of the records.
+    """
+    own = scene.forcing
+    if not len(records) or not own.largest > 0.0 or own in [*records, *(one.forcing for one in shaken)]:
+        return ""
+    return f"The forcing of the scene ({own.kind}: {own}) is not used: the records replace it."
+
+
 def _check_beside(name, motions, records, building):
     """ValueError for motions beside records, as `name` says, that are not one for each, or beside a building."""
     if motions and building is not None:

@@ -234,7 +234,9 @@ def draw_curve(axes: Any, curve: Any, records: Array | tuple[()] = ()) -> None:
         from scipy import special
 
         medians, spreads = curve.replicates.T[:, :, None]
-        low, high = np.quantile(special.ndtr(np.log(grid / medians) / spreads), [0.025, 0.975], axis=0)
+        # Of two motions some medians are too small for a number.
+        with np.errstate(divide="ignore"):
+            low, high = np.quantile(special.ndtr(np.log(grid / medians) / spreads), [0.025, 0.975], axis=0)
         axes.fill_between(grid, low, high, color="black", alpha=0.12, linewidth=0.0, label="95 % band of the fit")
     axes.plot(grid, curve(grid), color="black", label="lognormal fit" if curve.fitted else "points joined by lines")
     axes.set(xlabel=curve.measure + f", {curve.unit}" * bool(curve.unit), ylabel=f"P({curve.name})", ylim=(-0.02, 1.02))
@@ -388,15 +390,34 @@ def _scale_name(result, name="scale"):
     return name if result.measure == "scale" else ", ".join(filter(None, measure_of(result.measure)[:3:2]))
 
 
-def curve_table(curve: Any, motions: Sequence[str] = ()) -> tuple[str, Table, tuple[str, ...]]:
-    """Return (title, table, sentences) of an `IntensityCurve`: a text, a `rich.table.Table`, and a tuple of texts."""
-    columns = curve.table()
-    rows = zip(
-        *([f"{value:.4g}" if np.isfinite(value) else "-" for value in column] for column in columns.values()),
-        strict=True,
-    )
+def curve_columns(curves: Sequence[Any]) -> dict[str, Array]:
+    """Return columns by name of `IntensityCurve`s, one below the other: the event, and those of their tables."""
+    tables = [{"event": np.full(curve.intensity.shape, curve.name)} | curve.table() for curve in curves]
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+
+
+def curves_title(curves: Sequence[Any]) -> str:
+    """Return a line of text about `IntensityCurve`s of one or more events."""
+    first, *others = curves
+    names = ", ".join(f"'{curve.name}'" for curve in curves)
+    return f"probabilities of {names} {first.against}" if others else first.title
+
+
+def curve_table(curves: Sequence[Any]) -> tuple[str, Table, tuple[str, ...]]:
+    """Return a title, a `rich.table.Table` and a tuple of sentences of the `IntensityCurve`s of one or more events."""
+    first, *others = curves
+    columns = curve_columns(curves)
+    if not others:
+        del columns["event"]
+
+    def texts(values):
+        return values if values.dtype.kind == "U" else [f"{v:.4g}" if np.isfinite(v) else "-" for v in values]
+
+    rows = zip(*map(texts, columns.values()), strict=True)
+    groups = [list(itertools.islice(rows, curve.intensity.size)) for curve in curves]
+    of_others = [text for curve in others for text in (f"'{curve.name}', {curve.trust}", curve.describe())]
     return (
-        curve.title,
-        text_table(list(columns), rows),
-        verdict_first(curve.trust, curve.describe(), *curve.remarks, *motions),
+        curves_title(curves),
+        text_table(list(columns), *groups),
+        verdict_first(first.trust, first.describe(), *of_others, *first.remarks),
     )

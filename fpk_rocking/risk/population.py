@@ -207,9 +207,14 @@ class IntensityCurve(Result):
     @property
     def title(self) -> str:
         """Limit state, number of motions and fit, as a line of text."""
-        of = f"{self.records} motions" if self.records > 1 else f"{self.units} blocks" if self.units > 1 else self._one
-        text = f"probability of '{self.name}' against {self.measure}{f' ({self.unit})' * bool(self.unit)}, from {of}"
+        text = f"probability of '{self.name}' {self.against}"
         return text + f", median {self.fit.median:.3g}, dispersion {self.fit.dispersion:.2g}" * self.fitted
+
+    @property
+    def against(self) -> str:
+        """Measure, and number of motions or blocks, as text: "against PGV (m/s), from 5 motions"."""
+        of = f"{self.records} motions" if self.records > 1 else f"{self.units} blocks" if self.units > 1 else self._one
+        return f"against {self.measure}{f' ({self.unit})' * bool(self.unit)}, from {of}"
 
     @property
     def _one(self):

@@ -48,6 +48,7 @@ from fpk_rocking.risk.motions import (
     motion_table,
     recorded_scenes,
     same_event,
+    unused_forcing_text,
 )
 from fpk_rocking.risk.population import IntensityCurve
 from fpk_rocking.risk.rate import Risk, annual_frequency, rate_text, years_text
@@ -121,8 +122,8 @@ class Study(Result):
         Of the block, kg.
     friction : float or None
         Coefficient of friction below the block.
-    replaced : Forcing or None
-        Forcing of `scene`, where the records are in its place.
+    about_forcing : str
+        That the records are in place of the forcing of `scene`, a sentence; empty where it has none of its own.
     """
 
     fragility: Fragility
@@ -140,7 +141,7 @@ class Study(Result):
     asked: Array = dataclasses.field(default_factory=lambda: np.empty(0))
     mass: float | None = None
     friction: float | None = None
-    replaced: Forcing | None = None
+    about_forcing: str = ""
 
     row_dims = ("motion",)
 
@@ -228,13 +229,6 @@ class Study(Result):
         few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
         remarks = [self.about_forcing, *self.about_motions, self.about_correction, few, self._standing()]
         return (*self.curve.remarks, *filter(None, remarks))
-
-    @property
-    def about_forcing(self) -> str:
-        """That the records are in place of the forcing of the scene, a sentence; empty where it has none of its own."""
-        if self.replaced is None:
-            return ""
-        return f"The forcing of the scene ({self.replaced.kind}: {self.replaced}) is not used: the records replace it."
 
     @property
     def about_motions(self) -> list[str]:
@@ -719,7 +713,7 @@ def study(
         asked=np.empty(0) if intensities is None and mass is None else asked,
         mass=mass,
         friction=friction,
-        replaced=_replaced(scene.forcing, records and [*records, *(shaken.forcing for shaken in scenes)]),
+        about_forcing=unused_forcing_text(scene, records, scenes),
     )
 
 
@@ -728,11 +722,6 @@ def _check_scene(scene):
     for sentence in implausible_sizes(checks.instance("scene", scene, Scene).block):
         # The search for intensities may take minutes, and end without any.
         warnings.warn(sentence, stacklevel=3)
-
-
-def _replaced(own, motions):
-    """Return the forcing of a scene if it is not 0 and none of the `motions`, if any, in its place; else None."""
-    return own if len(motions) and own.largest > 0.0 and own not in motions else None
 
 
 def _mass_and_friction(mass, friction):

@@ -73,7 +73,7 @@ class Sweep(Result):
         path : str or pathlib.Path
         """
         columns = self._table("")
-        write_csv(path, columns, zip(*columns.values(), strict=True))
+        write_csv(path, columns)
 
     def _table(self, missing):
         """Columns by name; `missing` stands where a row has no value of a name."""

@@ -252,9 +252,26 @@ def test_rows_of_a_fragility_of_records_have_the_names_of_the_files(tmp_path, ca
     assert values["pooled"]["probability"] == pytest.approx(curves.overturned.mean(axis=0))
     for share in values["pooled"]["probability"]:
         assert f"{share:.4g}" in out
+    assert "is not used" not in out  # the scene has the forcing of the first file
     words[words.index("--scales")] = "--pgv"
-    assert cli.main([*words, "--realizations", "50"]) == 0
-    assert "PGV_m_per_s" in capsys.readouterr().out
+    levels = ["--levels", "0.05", "--out", str(tmp_path / "levels"), "--set", "forcing.scale=2"]
+    assert cli.main([*words, "--realizations", "50", *levels]) == 0
+    out, files = capsys.readouterr().out, tmp_path / "levels"
+    assert "PGV_m_per_s" in out
+    assert "is not used: the records replace it." in " ".join(out.split())
+    (level,) = json.loads((files / "summary.json").read_text())["pooled_levels"]
+    reached = Fragility.load(files / "result.npz").reached[:, 0].mean(axis=0)
+    assert level["probability"] == pytest.approx(reached)
+    rows = [row.split() for row in out.splitlines() if row.strip().startswith("|Θ| ≥ 0.05 ")]
+    assert [float(row[4]) for row in rows] == pytest.approx(reached, abs=1e-4)
+    assert reached.max() > 0.0
+    drawn_too = [*words, "--realizations", "9", *levels, "--uncertain", "size_factor=uniform:0.9:1.1", "--blocks", "3"]
+    assert cli.main(drawn_too) == 0
+    out = capsys.readouterr().out
+    lines = [line.split(",") for line in (files / "fragility.csv").read_text().splitlines()[1:]]
+    assert [line[0] for line in lines] == ["overturned"] * 3 + ["|Θ| ≥ 0.05"] * 3
+    for line in lines:
+        assert f" {float(line[2]):.4g} " in out
     assert cli.main([*words, "--realizations", "50", "--report", str(tmp_path / "r.html"), "--json"]) == 0
     values = json.loads(capsys.readouterr().out)
     assert values["scale"] == [0.5, 1.0, 2.0]
