@@ -12,7 +12,7 @@ import numpy as np
 
 from fpk_rocking.base import checks
 from fpk_rocking.density.propagator import PeriodicPropagator
-from fpk_rocking.density.refinement import SOLUTIONS, refine, warn_beyond
+from fpk_rocking.density.refinement import SOLUTIONS, ProgressCount, refine, warn_beyond
 from fpk_rocking.density.resolution import RESOLUTIONS, bins_tolerance, explore, resolutions_for
 from fpk_rocking.density.space import escape_speed, exact_correction, reflected, velocity_bound
 from fpk_rocking.density.tuning import TUNING
@@ -221,19 +221,23 @@ def refuse_different(modes, left_modes):
         raise ValueError(checks.refusal("scene", f"eigenvalues {first:.12f} and {second:.12f}", accepted))
 
 
-def refine_operator(white, tol):
+def refine_operator(white, tol, progress=None):
     """Refine until the estimates of the escape rate and of the quasi-stationary density are acceptable, or warn.
 
     The relative error of the rate is wanted to exp(1) tol: it changes survival exp(-rate k) by that times (rate k)
     exp(-rate k), at most by tol whatever k. ValueError where next to everything overturns within a cycle, or no rate
     can be told from the mesh's own errors.
     """
+    meshes = ProgressCount(progress, 1)
     bound = velocity_bound(white, white.noise.diffusion)
     motion = explore(white, white.period * np.arange(TUNING.exploratory_cycles + 1))
     beyond, wanted = bound_for_all_starts(white, motion), math.e * tol
 
     def solve(resolution, _):
-        return MeshOperator(white, resolution, motion, bound, beyond)
+        count = meshes.start_solution()
+        operator = MeshOperator(white, resolution, motion, bound, beyond)
+        count()
+        return operator
 
     def fits(coarser, resolution):
         finer = resolution.adapted(white, bound, motion, beyond, TUNING.cell_growth)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from fpk_rocking.base import checks
-from fpk_rocking.base.checks import Array, ArrayLike
+from fpk_rocking.base.checks import Array, ArrayLike, Progress
 from fpk_rocking.base.precompilation import Compilation
 from fpk_rocking.density.density import Density, PlaneMap
 from fpk_rocking.density.resolution import USUAL
@@ -43,6 +43,8 @@ class CycleOperator(Result, LinearOperator):
     tol : float
         Wanted error of survival after any number of cycles, at least 1e-4: the mesh is refined until the estimated
         relative error of the escape rate is at most exp(1) times that.
+    progress : callable, optional
+        Called as ``progress(done, total)`` after each mesh; `total` grows with every refinement.
 
     Attributes
     ----------
@@ -87,7 +89,7 @@ class CycleOperator(Result, LinearOperator):
     [0.106 0.119]
     """
 
-    def __init__(self, scene: Scene, tol: float = 1e-3) -> None:
+    def __init__(self, scene: Scene, tol: float = 1e-3, progress: Progress | None = None) -> None:
         checks.instance("scene", scene, Scene)
         refuse_transient(scene.forcing, "the operator of a cycle")
         refuse_envelope(scene.noise, "the operator of a cycle")
@@ -103,7 +105,7 @@ class CycleOperator(Result, LinearOperator):
         self.noise_replacement = describe_replacement(scene, self._white)
         self.diffusion = equivalent_diffusion(self._white.noise)
         self.tol = checks.number("tol", tol, at_least=min(USUAL))
-        refined = refine_operator(self._white, self.tol)
+        refined = refine_operator(self._white, self.tol, progress)
         (self._coarse, self._fine), self.escape_error = refined.solutions[-2:], refined.error
         self.refinement = [(solution.space.unknowns, solution.rate) for solution in refined.solutions]
         fine = self._fine

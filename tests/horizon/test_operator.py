@@ -20,12 +20,13 @@ from fpk_rocking.scene import Block, Harmonic, Scene
 from montecarlo import simulate, tally
 
 MAIN = load_scene(pathlib.Path(__file__).parents[2] / "cases" / "scenes" / "main.toml")
+REPORTED: list[tuple[int, int]] = []
 
 
 @pytest.fixture(scope="module")
 def operator():
     """Main scene from the coarsest resolutions on."""
-    return CycleOperator(MAIN, tol=1e-2)
+    return CycleOperator(MAIN, tol=1e-2, progress=lambda done, total: REPORTED.append((done, total)))
 
 
 @pytest.fixture(scope="module")
@@ -352,11 +353,16 @@ def test_a_rate_that_is_not_above_its_error_is_refused():
             mesh_operator.judge(types.SimpleNamespace(solutions=[fine], error=error, bins_error=0.0), 1.0)
 
 
+def test_each_mesh_is_reported(operator):
+    assert REPORTED == [(done, max(done, 3)) for done in range(1, len(operator.refinement) + 1)]
+
+
 def test_bad_arguments_are_named(operator):
     for error, name, call in (
         (TypeError, "scene", lambda: CycleOperator("main.toml")),
         (ValueError, "tol", lambda: CycleOperator(MAIN, tol=1e-6)),
         (TypeError, "tol", lambda: CycleOperator(MAIN, tol="fine")),
+        (TypeError, "progress", lambda: CycleOperator(MAIN, progress=True)),
         (ValueError, "cycles", lambda: operator.survival([10, -1])),
         (TypeError, "cycles", lambda: operator.survival([10, 2.5])),
         (ValueError, "cycles", lambda: operator.survival_map(-1)),
