@@ -52,19 +52,19 @@ class Comparison(Result):
     survival : ndarray, shape (n+1, 2)
         Probability of not having overturned.
     interval : ndarray, shape (n+1, 2, 2)
-        95 % confidence limits, indexed [cycle, result, limit]; nan for what is no sample.
+        95 % confidence limits, indexed [cycle, result, limit]; nan for a result that is not a sample.
     error_estimate : ndarray, shape (2,)
         Estimated error of survival of a density, with that of a replacement of its noise where it is estimated; nan for
         a sample.
     difference, standard_error, z : ndarray, shape (n+1,)
-        Survival of the first result minus that of the second; its standard error if both had the same distribution, 0
-        where neither is a sample; and the one over the other, nan where neither is a sample.
+        Survival of the first result minus that of the second; its standard error if both had the same distribution; and
+        z, the difference over its standard error. If neither is a sample, the standard error is 0 and z is nan.
     leakage : ndarray, shape (n, 2, 2)
         Probability of overturning during the cycle, indexed [cycle, result, side], sides (left, right).
     joint_cycles : ndarray, shape (m,)
         Cycles at which the joint densities are compared.
     l1, l1_floor, hellinger, hellinger_floor : ndarray, shape (m,)
-        Distances of the binned joint densities; a floor is that by sampling noise alone.
+        Distances of the binned joint densities; a floor is the distance that sampling noise alone gives.
     outside : ndarray, shape (m, 2)
         Probability of standing outside all bins.
     melnikov_amplitude, melnikov_loss : float or None

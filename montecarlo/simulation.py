@@ -39,11 +39,11 @@ def simulate(
     cycles : int, optional
         Number of forcing cycles, at least 1. Required where the forcing repeats, refused where it does not.
     times : array_like, optional
-        For a pulse or a record: ascending nondimensional times of the results. By default 21 until 10 units of time
-        after its end.
+        For a pulse or a record: ascending nondimensional times of the results; by default 21 over its duration, and
+        one 10 after its end.
     realizations : int, optional
         Number of realizations, at least 1, whose states take up to 4 GiB. A deterministic scene (`Scene.deterministic`)
-        needs no number: its one path stands in every row.
+        needs no number: every row is its one path.
     seed : int
         Seed of the random numbers, from 0 to 2**64 - 1.
     method : {"exact", "rk4", "white", "filtered"}, optional
@@ -51,10 +51,10 @@ def simulate(
         in closed form between impacts. "rk4", for the same: the paper's Runge-Kutta steps, ten times slower. "white"
         and "filtered", for noise of these kinds: exact Gaussian steps, the latter between events.
     steps_per_cycle : int
-        Time steps of "rk4" in a forcing cycle, a period of a pulse, or 2 units of time of a record; at least 8. No
-        adapted step of "white" is shorter than a 256th of a cycle over this number. "filtered" samples the noise at an
-        interval proportional to 1/`steps_per_cycle`: at 200 steps .5/(rate of the filter) for a low-pass filter, for
-        others .25/(rate). "exact" takes no steps.
+        Time steps of "rk4" in a forcing cycle, a period of a pulse, or 2 units of time of a record; at least 8. "white"
+        adapts its steps, the shortest to a cycle / (256 `steps_per_cycle`). "filtered" samples the noise at intervals
+        proportional to 1/`steps_per_cycle`: at 200 steps .5/(rate of the filter) for a low-pass filter, for others
+        .25/(rate). "exact" takes no steps.
     samples_per_cycle : int, optional
         Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
         Paths of the method "white" depend on it too, though their probabilities do not.
@@ -211,8 +211,8 @@ def tally(
         histograms may take 512 MiB.
     checkpoint : path, optional
         File of the state of the run, written from time to time, at the end, and on an interruption; `Tally.load` reads
-        it. From an existing file the run goes on: `realizations` may be larger than before, all else has to be the
-        same, else ValueError.
+        it. If the file exists, the run continues from it: `realizations` may be larger than before, all else has to be
+        the same, else ValueError.
 
     Examples
     --------

@@ -105,7 +105,7 @@ class Splitting(Result):
 
     @property
     def extinct(self) -> int:
-        """Number of repeats that lost all paths. Their estimates are 0 and belong into the mean."""
+        """Number of repeats that lost all paths. Their estimates are 0 and count in the mean."""
         return int(np.count_nonzero(self.repeat_probability[:, -1] == 0.0))
 
     @property
@@ -189,7 +189,7 @@ def split(
     cycles : int
         Number of forcing cycles, at least 1. Splitting works towards overturning by the last of them.
     walkers : int
-        Number of paths in each repeat, at least 10. Against skewed repeats more walkers help, more repeats hardly.
+        Number of paths in each repeat, at least 10. If the repeats are skewed, take more walkers, not more repeats.
     repeats : int
         Number of independent repeats, at least 2; a standard error needs 20 or more.
     seed, steps_per_cycle, progress

@@ -91,7 +91,7 @@ def symmetric_orbits(
 ) -> tuple[SymmetricOrbit, ...]:
     """Find all symmetric orbits of a slender block with one impact in each half cycle, without noise.
 
-    There are none, one or two, that of the slower impact first, which of two is always unstable. Derived in
+    There are none, one or two. Of two, the one with the slower impact comes first and is always unstable. Derived in
     docs/theory, "Symmetric orbits".
 
     Parameters

@@ -21,8 +21,8 @@ class PlaneFunction:
     def __call__(self, angle: ArrayLike, velocity: ArrayLike) -> Array:
         """Evaluate the function at points: 0 outside the mesh, nan where angle or velocity is nan.
 
-        On a mesh line, as at angle 0 where a density jumps, it is the value on the upper side. Where the function is
-        steep it may be slightly below 0 or, a probability, above 1.
+        On a mesh line, such as angle 0, where a density jumps, it is the value on the upper side. Where the function is
+        steep it may be slightly below 0, and a probability slightly above 1.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Density(PlaneFunction):
     def vector(self) -> Array:
         """Unknowns of the density on `basis`, shape (n,), for forms and functionals of scikit-fem.
 
-        Those that `CycleOperator.matvec` takes are others: ``operator.vector(density.coefficients)``.
+        `CycleOperator.matvec` takes other vectors: ``operator.vector(density.coefficients)``.
         """
         return self.coefficients.ravel()
 

@@ -39,14 +39,14 @@ class Evolution(SurvivalResult):
     noise_replacement : str
         Which noise replaced the band noise, as a sentence; empty where none was replaced.
     tol, wall_s : float
-        Error of survival that was solved to, see `solve_fpk`, and seconds of the call.
+        Error of survival that the solver aimed at, see `solve_fpk`, and seconds of the call.
     times, survival : ndarray, shape (rows,)
         Times from 0 on, and probability of not having overturned.
     overturned : ndarray, shape (rows, 2)
         Probability of having overturned to the left and to the right.
     truncated : ndarray, shape (rows,)
-        Probability truncated by the mesh, ``1 - survival`` less the sum of `overturned`: blocks faster than its largest
-        velocity, or in cells that it does not follow. `error_estimate` is no less.
+        Probability truncated by the mesh, ``1 - survival`` minus the sum of `overturned`: blocks faster than its
+        largest velocity, or in cells that it does not follow. `error_estimate` is at least as large.
     at_rest : ndarray, shape (rows,)
         Probability of being at rest, a part of survival. Under filtered noise blocks rest at x = v = 0 exactly, and
         the density does not contain them. Under white noise they rattle, and this is the density's part within
@@ -114,7 +114,7 @@ class Evolution(SurvivalResult):
 
     @property
     def bins_tol(self) -> float:
-        """Error (L1) of the binned density that was asked for; inf where any is right."""
+        """Error (L1) of the binned density that was asked for; inf if any error is accepted."""
         return self.settings.get("bins_tol", math.inf)
 
     def checked(self, paths: Any) -> Self:
@@ -138,8 +138,8 @@ class Evolution(SurvivalResult):
     def total_error(self) -> Array | None:
         """Total errors of survival, overturned left and right, shape (cycles + 1, 3).
 
-        The solver's estimate where the noise was solved as it is. Else `Replacement.total` where that was `checked`,
-        the solver's estimate and that of a replacement chosen by "auto", or None.
+        If the noise was not replaced, the solver's estimate. If it was, `Replacement.total` of a result that was
+        `checked`; else the solver's estimate plus that of a replacement chosen by "auto"; else None.
         """
         if self.replacement is not None:
             return self.replacement.total(self.error_estimate)
@@ -195,7 +195,7 @@ class Evolution(SurvivalResult):
 
     @property
     def parted(self) -> str:
-        """How far bins may be off that part the region of rest, as a sentence; empty within the error of the bins."""
+        """Error of bins whose edges divide the region of rest, as a sentence; empty within the error of the bins."""
         off = PARTED * float(self.at_rest[1:].max(initial=0.0))
         if self.rests_exactly or math.isinf(self.bins_tol) or off <= self.bins_error_estimate:
             return ""
@@ -251,7 +251,7 @@ class Evolution(SurvivalResult):
 
     @property
     def unjudged(self) -> str:
-        """At how many times survival alone is judged, as a sentence; empty where at none, or where no bins are judged.
+        """At how many times only survival is judged, as a sentence; empty if at none, or if no bins are judged.
 
         The density is too narrow for the mesh after a start or a release, and once the noise has faded.
         """

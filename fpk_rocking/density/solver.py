@@ -85,17 +85,17 @@ def solve_fpk(
     samples_per_cycle : int, optional
         Number of times in each cycle, equally spaced; by default 1, its end. Refused where the forcing does not repeat.
     tol : float, optional
-        Wanted error of survival, at least 1e-4. By default .001, and .01 where the forcing does not repeat. If the
-        chosen replacement of the noise neglects more than 3 `tol`, a third of what it neglects is enough, up to .01.
+        Wanted error of survival, at least 1e-4. By default .001, or .01 for a scene that does not repeat. If the
+        estimated error of the chosen noise replacement is above 3 `tol`, a third of it is aimed at instead, up to .01.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
-        With inf the mesh is refined for survival alone. By default √tol / 3; where the forcing does not repeat, for the
-        verdict only.
+        With inf the mesh is refined for survival alone. By default √tol / 3, which is for the verdict only if the
+        scene does not repeat.
     noise_replacement : {"auto", "white", "exponential", "filtered"}
         What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
         exponential or low-pass noise of equal variance and Melnikov variance, under which blocks do. By default the
-        fastest of these whose estimated error is within `tol`, else the most accurate, together with what finitely many
-        independent harmonics change (`density.replacing`); where the scene does not repeat, white noise.
+        fastest of these whose estimated error is within `tol`, else the most accurate; the effect of finitely many
+        independent harmonics is then added (`density.replacing`). If the scene does not repeat, white noise.
     progress : callable, optional
         Called as ``progress(done, total)`` after each cycle of each solution; `total` grows with every refinement.
 

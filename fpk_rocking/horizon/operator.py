@@ -32,9 +32,9 @@ class CycleOperator(Result, LinearOperator):
     """The operator that maps the density at one whole forcing cycle to the density at the next.
 
     It is the transfer (Perron-Frobenius) operator under white noise, made of the steps of `solve_fpk`, and a SciPy
-    linear operator: ``matvec`` carries a density forward over a cycle, ``rmatvec`` (the Koopman operator) takes a
-    function of the state to its mean by the state one cycle before. `vector` and `density` convert; the Euclidean
-    product of two vectors is the integral of the product of their functions.
+    linear operator: ``matvec`` carries a density forward over a cycle; ``rmatvec`` (the Koopman operator) gives the
+    mean of a function after a cycle, by the state before it. `vector` and `density` convert; the Euclidean product of
+    two vectors is the integral of the product of their functions.
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ class CycleOperator(Result, LinearOperator):
     def mean_cycles(self) -> float:
         """Mean number of the cycle, from 1, in which a block distributed like `quasi_stationary` overturns.
 
-        That cycle counts whole: the mean time in cycles, that of `mean_cycles_map`, is about half a cycle less.
+        The cycle of overturning counts as a whole one: the mean time by `mean_cycles_map` is about half a cycle less.
         """
         return -1.0 / math.expm1(-self.escape_rate)
 
@@ -229,7 +229,7 @@ class CycleOperator(Result, LinearOperator):
         Parameters
         ----------
         adjoint : bool
-            Whether of the adjoint operator.
+            Whether to return those of the adjoint operator.
 
         Returns
         -------

@@ -18,14 +18,14 @@ from fpk_rocking.results.trust import REPLACED
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Replacement:
-    """Probabilities by paths under the noise of the scene, less those by a density with another noise in its place.
+    """Probabilities by paths under the noise of the scene, minus those by a density with a replaced noise.
 
     Row k is that of the density. The columns are survival, overturned to the left and overturned to the right.
 
     Attributes
     ----------
     difference : ndarray, shape (cycles + 1, 3)
-        Probability by the paths less that by the density.
+        Probability by the paths minus that by the density.
     sampling_error : ndarray, shape (cycles + 1, 3)
         Sampling error of the difference, 95 %: from the share of the paths to the farther end of Wilson's interval.
     method, realizations, seed, wall_s

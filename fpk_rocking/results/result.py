@@ -19,12 +19,12 @@ from fpk_rocking.results.trust import DIAGNOSTICS, Diagnostic, Trust, assess, ve
 class Result:
     """Named arrays with their dimensions, numbers and texts: the one value that every engine and study returns.
 
-    A subclass is a frozen dataclass; its fields are the file and the table. It has a `title`, a `plot`, and `row_dims`,
+    A subclass is a frozen dataclass; its fields are saved and tabulated. It has a `title`, a `plot`, and `row_dims`,
     the dimensions that the rows of its table stand for. A field is one of these:
 
     * ``Annotated[Array, "f8 time side"]``, an array with its dtype and dimensions. A word is a dimension, of one length
-      in all arrays; these arrays are the `variables`. One that is named as its dimension, or in the plural, holds the
-      places along it. With a letter or a number for a length, as in "f8 n 20k+1", an array is in the file alone. After
+      in all arrays; these arrays are the `variables`. An array named like its dimension, or in the plural, holds the
+      places along it. An array with a letter or a number for a length, as in "f8 n 20k+1", is only saved. After
       construction nobody can write to an array.
     * float, int, bool, str, dict or list, of what JSON holds. Plain ones are the `metadata`; those of a name in
       `fpk_rocking.results.trust.DIAGNOSTICS` are judged.
@@ -118,7 +118,7 @@ class Result:
     def derived(self) -> dict[str, tuple[str | tuple[str, ...], Any]]:
         """Arrays besides the fields: (dimensions, values) by name, as in ``{"speed": ("time side", speeds)}``.
 
-        Of an array that takes long the values are a function that computes it. A field that is named here as well
+        The values may be a function that computes them, for an array that takes long. A field that is also named here
         stands at this place in the table.
         """
         return {}
@@ -234,8 +234,8 @@ class Result:
     def table(self) -> dict[str, Array]:
         """Columns by name, each of shape (rows,): places of the rows, then variables.
 
-        Of a variable with a dimension beside the rows each label has a column, as "overturned_left"; that of an
-        "x_interval" is "x_low".
+        A variable with a dimension beside the rows has a column for each label, such as "overturned_left"; those of an
+        "x_interval" are "x_low" and "x_high".
         """
         places, row_dims = self.coordinates, self.row_dims
         sizes = [len(places[dim][1]) for dim in row_dims]

@@ -75,7 +75,7 @@ class SurvivalResult(RowResult):
 
     Row k of an array is for ``times[k]``: after k forcing cycles, if the forcing repeats, or k parts of cycles where
     `samples_per_cycle` is above 1. A parameter ``cycle`` is a number of cycles, as 2 or 2.25 with 4 samples; where the
-    forcing does not repeat, that of a row. A subclass has ``_binned(row, edges)`` for `bin_probabilities`, and
+    forcing does not repeat, the number of a row. A subclass has ``_binned(row, edges)`` for `bin_probabilities`, and
     ``overturning_text()``, the last probability of overturning with its error. A density has ``at(cycle)``, itself as a
     function on a mesh.
 
@@ -91,7 +91,7 @@ class SurvivalResult(RowResult):
     engine : str
         Name for tables and legends.
     realizations : int or None
-        Of a sample; None for a density.
+        Number of paths of a sample; None for a density.
     deterministic : bool
         Whether nothing is random: one path decides, without intervals.
     noise_replacement : str
@@ -119,8 +119,8 @@ class SurvivalResult(RowResult):
     def overturning_error(self) -> float | None:
         """Relative error of the last probability of overturning; None where nothing is random or none overturned.
 
-        Of a sample half the width of the 95 % interval. Of a density the total error, or the solver's where the
-        replacement of the noise was not checked.
+        The error is half the width of the 95 % interval for a sample. For a density it is the total error, or the
+        solver's if the replacement of the noise was not checked.
         """
         if self.deterministic:
             return None

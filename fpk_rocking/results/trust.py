@@ -48,8 +48,8 @@ class Diagnostic(NamedTuple):
     message : str
         A sentence with the figure and the limit; empty for a figure that has no limit.
     name : str
-        Of the figure, one of `DIAGNOSTICS`, or of the kind of observation: where many results are shown together, one
-        of a kind is told. Without a name an observation is told wherever its message is another.
+        Name of the figure (one of `DIAGNOSTICS`), or of the kind of observation: where many results are shown together,
+        one of each kind is shown. Observations without a name are shown if their messages differ.
     value : float, optional
         The error figure; None for an observation about the model.
 

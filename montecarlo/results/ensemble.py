@@ -37,7 +37,7 @@ class Ensemble(Sample):
     overturn_time, overturn_side : ndarray, shape (realizations,)
         Time τ of overturning, and side: -1 left, +1 right; nan and 0 for a block that stands.
     returns : ndarray of int, shape (2,)
-        How many paths that overturned were followed on to the fall, 90 degrees, and how many of these came back. 0
+        How many paths that overturned were followed further to the fall, 90 degrees, and how many of these came back. 0
         where the critical angle is unknown, or the angle of overturning is not the default.
     """
 
@@ -53,16 +53,16 @@ class Ensemble(Sample):
     def from_paths(
         cls, scene: Scene, angle: ArrayLike, velocity: ArrayLike, times: ArrayLike | None = None, method: str = "own"
     ) -> Self:
-        """Make an ensemble of paths that were computed elsewhere, to plot it or hold it against other results.
+        """Make an ensemble of paths that were computed elsewhere, to plot it or compare it with other results.
 
-        A block counts as overturned from the first of its states on that is at ``scene.overturning.angle`` or beyond,
-        to the side of its sign; what comes after that state is not used, and may be nan. The time of overturning is
-        that of this state, later than the true one: `overturning_rate` and `first_passage` refuse it.
+        A block counts as overturned from its first state at ``scene.overturning.angle`` or beyond, to the side of the
+        sign of that angle; later states are not used, and may be nan. The time of overturning is that of this state,
+        later than the true one: `overturning_rate` and `first_passage` refuse it.
 
         Parameters
         ----------
         scene : Scene
-            What the paths are of.
+            Scene that the paths are computed for.
         angle, velocity : array_like, shape (realizations, n + 1)
             Nondimensional states, in critical angles, after 0 to n cycles, or at `times`, the first at the start.
         times : array_like, optional
@@ -164,7 +164,7 @@ class Histories(Paths):
     angle, velocity : ndarray, shape (realizations, n)
         States; nan after overturning.
     impact_realization : ndarray of int, shape (n_impacts,)
-        Realization of each impact, ascending, and of each the impacts in the order of time.
+        Realization of each impact: ascending, and in the order of time within each realization.
     impact_time, impact_velocity : ndarray, shape (n_impacts,)
         Time τ of each impact, and the velocity just before it. A burst of ever smaller impacts (chatter) that an engine
         sums up is not listed.
@@ -204,12 +204,12 @@ class Histories(Paths):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences as of every result, and one where the number of impacts is that of the time steps."""
+        """Sentences as of every result, and one if the number of impacts depends on the time steps."""
         if self.method != "white" or not self.scene.start.at_rest:
             return super().remarks
         said = (
             "From a start at rest white noise makes impacts without limit: shorter steps show more of them, and slower "
-            "ones. Count impacts from a later time on, or of a start that moves."
+            "ones. Count impacts from a later time on, or start from a block that moves."
         )
         return (*super().remarks, said)
 

@@ -71,8 +71,8 @@ def impact_speeds(histories: Histories, edges: ArrayLike, level: float = 0.95) -
 
     The impacts of one realization depend on each other. So the variance of a bin's share is that of a ratio of sums
     over realizations, and its interval is Wilson's for as many independent impacts as have this variance (cf. E. L.
-    Korn, B. I. Graubard, Survey Methodology 24, 193-201, 1998): at most all impacts, and for an empty bin the
-    realizations with one.
+    Korn, B. I. Graubard, Survey Methodology 24, 193-201, 1998): at most all impacts; for an empty bin, as many as
+    realizations have one.
 
     Parameters
     ----------
