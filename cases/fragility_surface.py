@@ -1,4 +1,4 @@
-"""Overturning over the size and shape of a block.
+"""Overturning against size and shape of a block.
 
 Of two blocks of one shape the larger one stands longer. Blocks from rest are shaken for ten cycles at 1.5 Hz and 3
 m/s², with noise of 0.3 m/s² from 0 to 8 Hz. Shown is the probability of overturning over the half diagonal R and the

@@ -85,15 +85,15 @@ PARTS = {
 CAPTIONS = {
     "fig05.png": "Fig. 5: time histories, Poincaré points, and survival under three noise bands",
     "fig06.png": "Fig. 6: the joint density after 2 to 20 cycles",
-    "fig06_maps.png": "The same as maps, by density and Monte Carlo",
-    "fig06_survival.png": "Survival by both, and the difference",
+    "fig06_maps.png": "Fig. 6 as maps, by density solver and Monte Carlo",
+    "fig06_survival.png": "Fig. 6: survival by both engines, and their difference",
     "convergence.png": "Error of the density on finer meshes",
     "physics_engines.png": "Engines for many bodies on one rocking block",
-    "shake_table_fragility.png": "Shake-table tests: predictions and outcomes over PGV",
+    "shake_table_fragility.png": "Shake-table tests: predictions and outcomes against PGV",
     "shake_table_missed.png": "Shake-table tests that are predicted wrongly",
     "shake_table_reliability.png": "Shake-table tests: reliability of the probabilities",
-    "time_at_equal_error.png": "Error against seconds, density and samplers",
-    "time_at_equal_error_growth.png": "Seconds over the noise and over the number of cycles",
+    "time_at_equal_error.png": "Error against computing time, density solver and samplers",
+    "time_at_equal_error_growth.png": "Computing time against noise and number of cycles",
 }
 # Of cases that are quicker by themselves than what the gallery shows.
 FINER = {"fig06_jpdf_evolution": {"realizations": 4_000_000, "tol": 1e-3}}
@@ -180,7 +180,7 @@ def shown(docs):
     docs : path
         Folder in which the page, ``gallery/`` and ``benchmarks/`` are.
     """
-    parts = ["# Gallery", "What is drawn, and the script that draws it; the numbers lie beside it."]
+    parts = ["# Gallery", "Each picture links to its source. Its numbers are in a file beside it."]
     for name, pictures in PICTURES.items():
         parts += [f"## {PARTS[name]}"] if name in PARTS else []
         source = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What a second harmonic does to survival.
+"""Survival under a second harmonic.
 
 The forcing is a cosine with a second harmonic,
 

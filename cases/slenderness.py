@@ -1,4 +1,4 @@
-"""What the equation of a slender block costs.
+"""Error of the equation of a slender block.
 
 Shown is how many fewer or more blocks overturn by the exact equation than by that of a slender block, which leaves the
 critical angle α out, over α and the frequency. Blocks from rest are shaken by a one-sine pulse, and by ten cycles of a

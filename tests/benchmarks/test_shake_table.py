@@ -159,4 +159,4 @@ def test_the_page_has_what_was_measured(line):
 def test_the_readme_has_the_shares_right():
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     first, second = (100.0 * RESULTS[name]["scores"][benchmark.MAIN]["share right"] for name in benchmark.SPECIMENS)
-    assert f"it predicts {first:.0f} and {second:.0f} % of the outcomes rightly" in text
+    assert f"it predicts {first:.0f} and {second:.0f} % of the outcomes correctly" in text
