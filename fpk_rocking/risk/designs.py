@@ -165,13 +165,15 @@ class Designs(Result):
     @property
     def diagnostics(self) -> list[Diagnostic]:
         """Those of the studies, a list of `Diagnostic`: once what holds for all, else after the name of the block."""
-        common = set(self.studies[0].diagnostics).intersection(*(one.diagnostics for one in self.studies))
+        messages = [{found.message for found in one.diagnostics} for one in self.studies]
+        common = set.intersection(*messages)
 
         def named(one, found):
-            own = found.message and found not in common
+            own = found.message and found.message not in common
             return found._replace(message=f"{one.name}: {found.message}") if own else found
 
-        return list(dict.fromkeys(named(one, found) for one in self.studies for found in one.diagnostics))
+        every = [named(one, found) for one in self.studies for found in one.diagnostics]
+        return list({found.message or found: found for found in every}.values())
 
     @property
     def sentences(self) -> list[str]:
@@ -206,11 +208,16 @@ class Designs(Result):
         return [*filter(None, dict.fromkeys(one.about_forcing for one in self.studies)), *self.studies[0].about_motions]
 
     def text(self) -> str:
-        """Return `sentences`, verdict, then these and what is asked of each block, then each motion, as one text."""
-        lines = [*self.sentences, str(self.trust)]
+        """Return `sentences`, verdict, then rate and what is asked of each block, then each motion, as one text.
+
+        What holds for all blocks stands once, above them, as do the reasons of their verdicts.
+        """
+        common = [line for line in self.studies[0].block_lines if all(line in one.block_lines for one in self.studies)]
+        lines = [*self.sentences, str(self.trust), *common]
         for one in self.studies:
-            rate = one.risk.sentences[0] if one.risk else one.title
-            lines += ["", f"{one.name}: {rate}", str(one.trust), *one.block_lines]
+            rate, verdict = one.risk.sentences[0] if one.risk else one.title, one.trust.verdict
+            trust = str(one.trust) if verdict == "ok" else f"trust: {verdict}, for reasons above"
+            lines += ["", f"{one.name}: {rate}", trust, *(line for line in one.block_lines if line not in common)]
         lines += ["", self.about_motions]
         each = np.transpose(self._each) if not self.azimuths else np.empty((len(self.equivalent), 0))
         for name, row, times in zip(self.places()["motion"], self.equivalent, each, strict=True):

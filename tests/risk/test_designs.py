@@ -103,6 +103,18 @@ def test_with_noise_blocks_are_compared_too():
     assert 0.8 * 1.3**-2.5 < ratio.rate_low < ratio.rate < ratio.rate_high < 1.25 * 1.3**-2.5
 
 
+def test_what_holds_for_all_blocks_is_printed_once(both):
+    text = both.text()
+    lines = [line for one in both.studies for line in one.block_lines]
+    assert {text.count(line) for line in lines} == {1}
+    assert len(set(lines)) == len(lines) - 1  # how forces of ties are meant
+    reasons = [reason for one in both.studies for reason in one.trust.reasons]
+    assert len(reasons) >= 2
+    for reason in reasons:
+        assert text.count(reason) == 1
+    assert text.count(f"trust: {both.studies[0].trust.verdict}, for reasons above") == 2
+
+
 def test_what_cannot_be_compared_is_refused_by_name(both):
     narrow, wide = both.studies
     other = dataclasses.replace(wide.curve, measure="PGA")
