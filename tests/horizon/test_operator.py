@@ -354,7 +354,7 @@ def test_a_rate_that_is_not_above_its_error_is_refused():
 
 
 def test_each_mesh_is_reported(operator):
-    assert REPORTED == [(done, max(done, 3)) for done in range(1, len(operator.refinement) + 1)]
+    assert [(done, max(done, 3)) for done in range(1, len(operator.refinement) + 1)] == REPORTED
 
 
 def test_bad_arguments_are_named(operator):
