@@ -180,7 +180,7 @@ def shown(docs):
     docs : path
         Folder in which the page, ``gallery/`` and ``benchmarks/`` are.
     """
-    parts = ["# Gallery", "Each picture links to its source. Its numbers are in a file beside it."]
+    parts = ["# Gallery", "Each picture links to its source. Its numbers lie beside it."]
     for name, pictures in PICTURES.items():
         parts += [f"## {PARTS[name]}"] if name in PARTS else []
         source = (ROOT / "cases" / f"{name}.py").read_text(encoding="utf-8")
