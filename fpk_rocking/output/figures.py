@@ -27,7 +27,7 @@ _LINE = 0.22
 def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = "") -> pathlib.Path:
     """Draw survival, differences from the first result, and leakage per cycle and side; return the path.
 
-    Samples have their 95 % intervals; that of a difference supposes that both results have the same distribution.
+    Samples have 95 % intervals; the interval of a difference assumes that both results have the same distribution.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def survival_figure(path: File, results: Sequence[SurvivalResult], title: str = 
     results : sequence of SurvivalResult
         Two to four, whose scenes differ in the noise alone; the first is the reference.
     title : str
-        By default survival in the end, and the largest difference.
+        By default the survival at the end, and the largest difference.
 
     Examples
     --------
@@ -145,9 +145,9 @@ _PIECES = 4
 def surface_figure(path: File, results: Sequence[SurvivalResult], cycles: Sequence[float], title: str) -> pathlib.Path:
     """Draw joint densities as surfaces, one panel for each cycle, with walls for what overturned; return the path.
 
-    A surface has the height of the probability in a bin around the point divided by its area, for all engines alike;
-    a wall at the overturning angle, of the probability of having overturned to that side, up to 1. Panels of one cycle
-    share their axes. A start from a point is drawn as a needle.
+    The height of a surface is the probability in a bin around the point divided by its area, for all engines alike. The
+    height of a wall at the overturning angle is the probability of having overturned to that side, up to 1. Panels of
+    one cycle share their axes. A start from a point is drawn as a needle.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def _surface_notes(results, columns):
 def density_maps(path: File, results: Sequence[SurvivalResult], cycles: Sequence[float], title: str) -> None:
     """Draw joint densities as colour maps of the phase plane, with one colour scale for each cycle.
 
-    A map shows the probability in each bin divided by its area, over velocities that hold all but 1e-4 of it.
+    A map shows the probability in each bin divided by its area, for velocities that contain all but 1e-4 of it.
 
     Parameters
     ----------

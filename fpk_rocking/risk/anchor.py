@@ -24,7 +24,7 @@ class Hold(NamedTuple):
     top : float
         Horizontal force at the top of a rectangle, or at the height of the centre of a `Body`.
     edge : float
-        Tension at the edge about which the block does not turn, vertical.
+        Vertical tension at the edge about which the block does not turn.
     """
 
     top: float
@@ -37,14 +37,14 @@ def hold(block: Block, acceleration: float) -> Hold:
     Parameters
     ----------
     block : Block
-        With a size.
+        A block with a size.
     acceleration : float
-        m/s², 0 or more.
+        Peak acceleration, m/s², 0 or more.
 
     Raises
     ------
     TypeError, ValueError
-        The acceleration is no such number, or the block has no size.
+        The acceleration is not a number from 0 on, or the block has no size.
 
     Examples
     --------

@@ -85,7 +85,7 @@ def values_at(points: Array, prior: Mapping[str, Any]) -> Array:
 
 
 class Prediction(NamedTuple):
-    """Probability of overturning under n motions, and what the tests leave open of it.
+    """Probability of overturning under n motions, with the uncertainty that the tests leave.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class Prediction(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Result):
-    """What a block is, from the outcomes of n tests: a posterior on k draws of the block and nodes of the other values.
+    """A block inferred from the outcomes of n tests: a posterior on k draws of it and on nodes of the other values.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Calibration(Result):
     draws : ndarray, shape (k, d)
         Values of the other parameters of the block, in the order of the prior.
     importance : ndarray, shape (k,)
-        Density of the prior over that of the draws, at each.
+        Density of the prior divided by that of the draws, at each draw.
     overturns : ndarray of bool, shape (n, k, j)
         Whether a block overturns under a motion.
     observed : ndarray of bool, shape (n,)
@@ -144,12 +144,12 @@ class Calibration(Result):
     row_dims = ("motion",)
 
     def counting(self, tests: ArrayLike, observed: ArrayLike | None = None) -> Self:
-        """Return the calibration by some of the tests, or by other outcomes, from the same paths.
+        """Return the calibration from some of the tests, or from other outcomes, by the same paths.
 
         Parameters
         ----------
         tests : array_like of bool, shape (n,)
-            Those that count.
+            Which tests count.
         observed : array_like of bool, shape (n,), optional
             Other outcomes: whether the block overturned.
         """
@@ -238,9 +238,9 @@ class Calibration(Result):
 
     @property
     def population(self) -> Array:
-        """Weights (k, j) of the blocks, of sum 1, by which they stand for the tested one in a test of its own.
+        """Weights (k, j), of sum 1, by which the blocks represent the tested one in a single test.
 
-        The probability of overturning under any motion is `stray_mean`/2 and the rest of 1 times their mean.
+        The probability of overturning under any motion is `stray_mean`/2 plus (1 - `stray_mean`) times their mean.
         """
         return self._neighbours.T @ self._masses
 
@@ -262,7 +262,7 @@ class Calibration(Result):
 
     @functools.cached_property
     def error_estimate(self) -> float:
-        """Largest standard error of `predicted` by the number of draws, as if these were independent."""
+        """Largest standard error of `predicted` from the number of draws, as if these were independent."""
         own = self._masses.sum(axis=1)
         means = np.einsum("nkj,kj->kn", self._shares_overturned, self._masses) / np.maximum(own, 1e-300)[:, None]
         return float(np.sqrt((own**2) @ (means - own @ means) ** 2).max())
@@ -299,14 +299,14 @@ class Calibration(Result):
     def refined(
         self, motions: Sequence[Record], draws: int = 64, seed: int = 2, progress: Progress | None = None
     ) -> Self:
-        """Return the calibration with further draws of the block, from where the posterior is.
+        """Return the calibration with further draws of the block, where the posterior is large.
 
-        Of old and new draws together each has the weight of the prior over the density of the mixture.
+        Each of the old and new draws has as weight the prior divided by the density of the mixture of both.
 
         Parameters
         ----------
         motions : sequence of Record, (n,)
-            Those of the tests.
+            Motions of the tests.
         draws, seed : int
             Further draws, and the seed of their scrambled Sobol points.
         progress : callable, optional
@@ -344,7 +344,8 @@ class Calibration(Result):
         number = self.effective_draws
         severity = UNUSABLE if number < TOO_FEW else CAUTION if number < FEW else 0
         text = f"{number:.3g} of {len(self.draws)} draws of the block count effectively, {FEW:g} are enough"
-        out = [Diagnostic(severity, text + (": take more, or a narrower prior." if severity else "."), "draws", number)]
+        more = ": take more draws, or a narrower prior." if severity else "."
+        out = [Diagnostic(severity, text + more, "draws", number)]
         ends = self.weights.sum(axis=(0, 2, 3))[[0, -1]].sum()
         if ends > 0.01:
             text = f"{ends:.2g} of the posterior lies at the ends of the prior of {SCATTERED}."
@@ -416,12 +417,12 @@ def calibrated(
     outcomes : array_like of bool, (n,)
         Whether the block overturned in each test.
     prior : dict of str, optional
-        Distributions by name, as texts of `drawn`. Of the block: "critical_angle" (radians; of its median),
-        "frequency_parameter" (rad/s), "restitution" (without it Housner's) and "offset" of the centre of mass (half
-        widths; without it 0). "scatter" is the dispersion of the critical angle from test to test, "stray" the share of
-        outcomes that the model does not explain; without them there is none. By default `PRIOR`.
+        Distributions by name, as texts of `drawn`. For the block: "critical_angle" (its median, radians),
+        "frequency_parameter" (rad/s), "restitution" (by default Housner's) and "offset" of the centre of mass (half
+        widths; by default 0). "scatter" is the dispersion of the critical angle from test to test, "stray" the share of
+        outcomes that the model does not explain; both are 0 if left out. By default `PRIOR`.
     draws : int
-        Blocks that differ in frequency parameter and restitution, a power of 2.
+        Number of blocks that differ in frequency parameter and restitution, a power of 2.
     spread : float
         Standard deviation of these two, and of the offset, from test to test, in quantiles of their priors.
     overturning : float

@@ -47,12 +47,12 @@ class Capacities(NamedTuple):
     low, high : ndarray, shape (m,)
         Limits of each; infinite where the row stands, or overturns, at all scales.
     middle, error : ndarray, shape (m,)
-        Estimate from samples of noise and its standard error, inf where only the limits are known.
+        Estimate from samples of noise, and its standard error: inf where only the limits are known.
     motion : ndarray of int, shape (m,)
         Number of the motion of each, from 0.
     noise, noise_error : float
-        Dispersion β_n by noise, or by several intervals of overturning, root mean square over motions or rows, and its
-        standard error, in parts of it.
+        Dispersion β_n by noise, or by several intervals of overturning (root mean square over motions or rows), and its
+        relative standard error.
 
     Examples
     --------
@@ -94,15 +94,15 @@ class Capacities(NamedTuple):
     def of_jumps(cls, jumps: Array, highest: Array, motion: ArrayLike) -> "Capacities":
         """Capacities without noise, from all scales at which outcomes change.
 
-        A row that overturns in several intervals counts as overturning at the highest scales, over as much of the
-        logarithm, so that its mean probability stays. The lowest scale would fall as the search gets finer. What its
-        intervals add to the variance of the logarithm is `noise`: the lognormal curve has the first two moments of the
-        share of the motions.
+        A row that overturns in several intervals counts as overturning at the highest scales, over the same range of
+        the logarithm, so that its mean probability stays. The lowest scale would fall as the search gets finer. What
+        the intervals add to the variance of the logarithm is `noise`: the lognormal curve has the first two moments of
+        the share of the motions.
 
         Parameters
         ----------
         jumps : ndarray, shape (m, k)
-            Ascending scales from which a row in turn overturns and stands, nan behind the last.
+            Ascending scales from which a row alternately overturns and stands, nan after the last.
         highest : ndarray, shape (m,)
             Highest scale of the search.
         motion : array_like of int, shape (m,)
@@ -126,7 +126,7 @@ class Capacities(NamedTuple):
         scale : ndarray, shape (n,)
             Ascending.
         shares : ndarray, shape (m, n)
-            Probabilities of overturning; a row of zeros and ones counts as if sorted.
+            Probabilities of overturning; a row of zeros and ones is taken in ascending order.
         trials : int
             Size of the samples; 0 for probabilities that are not sampled.
         motion : array_like of int, shape (m,)
@@ -275,7 +275,7 @@ class Capacities(NamedTuple):
         ----------
         rng : numpy.random.Generator
         misfit : float, optional
-            The statistic, where it is not by the capacities but by all scales at which outcomes change.
+            The statistic, if it comes from all scales at which outcomes change, not from the capacities.
         """
         _, between, own = self._analysis(self.middle)
         logs = own * rng.standard_normal((_COMPLETE_SETS, self.motion.size))
@@ -325,7 +325,7 @@ class Capacities(NamedTuple):
     def parts(self, capacity: Array, drawn: Mapping[str, ArrayLike]) -> dict[str, tuple[float, float]]:
         """Return the dispersion that each drawn value causes, and its standard error, by name.
 
-        By linear regression on normal scores of the values, within motions where blocks are enough.
+        By linear regression on normal scores of the values, within each motion if it has enough blocks.
 
         Parameters
         ----------

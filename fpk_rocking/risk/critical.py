@@ -46,10 +46,10 @@ def critical_text(measure: str) -> str:
     """Return what critical, always and equivalent intensities are, as sentences beside a table."""
     return (
         f"The critical {measure} of a motion is the lowest from which it overturns the block over an interval of 1 % "
-        "at least. Above it the block may stand again, until it always overturns. Narrower intervals may be missed: at "
-        f"one {measure} an outcome may differ, the rate hardly does. P(overturned) is the share of the "
-        f"motions that overturn the block at a {measure}; where the block stands again above a critical "
-        f"{measure}, that motion is not counted. A lognormal fit takes each motion at its equivalent {measure}: the "
+        "at least. Above it the block may stand again, until it always overturns. Narrower intervals may be missed: "
+        f"this can change the outcome at one {measure}, but hardly the rate. P(overturned) is the share of the "
+        f"motions that overturn the block at a {measure}; a motion under which the block stands again above its "
+        f"critical {measure} does not count there. A lognormal fit takes each motion at its equivalent {measure}: the "
         f"one threshold above which it would overturn the block over the same total range of ln({measure})."
     )
 
@@ -60,7 +60,7 @@ LARGEST_FACTOR = 5.0
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class CriticalIntensities(Result):
-    """At which intensity each of m motions overturns a block, and what it does at its own scale.
+    """At which intensity each of m motions overturns a block, and what the block does at the motion's own scale.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class CriticalIntensities(Result):
 
     @functools.cached_property
     def critical(self) -> Array:
-        """Critical intensity of each motion, (m,): the lowest from which the block overturns over 1 % at least.
+        """Critical intensity of each motion, (m,): the lowest from which the block overturns over at least 1 %.
 
         inf for a motion under which it stands up to the end of the search (right-censored).
         """
@@ -123,8 +123,8 @@ class CriticalIntensities(Result):
     def equivalent(self) -> Array:
         """Intensity of each motion that a lognormal fit is made of, (m,).
 
-        Overturning at all intensities above it would cover the same range of their logarithm; inf where it stands at
-        the end of the search.
+        Overturning at all intensities above it would cover the same range of their logarithm as the intervals do; inf
+        where the block stands at the end of the search.
         """
         return equivalent_scale(self.jumps)
 
@@ -199,7 +199,7 @@ class CriticalIntensities(Result):
         return {"motion": self.names, "number": np.arange(1, self.jumps.shape[1] + 1)}
 
     def derived(self) -> dict[str, Any]:
-        """Of each motion PGA, PGV and intensity as they are, critical ones, and what it does at its own scale.
+        """PGA, PGV, own and critical intensities of each motion, and what the block does at the motion's own scale.
 
         "overturns_at" are all intervals of overturning as a text. Seconds and m/s are nan without block dimensions.
         """
@@ -321,8 +321,8 @@ def critical_intensities(
     motions : sequence of Record, str or pathlib.Path
         Motions, or files that `Record.from_file` reads.
     highest : float, optional
-        Largest intensity of the search. By default it goes on until the block overturns at all intensities over a
-        factor of 2, and up to 1,000 times the acceleration of uplift.
+        Largest intensity of the search. By default the search ends where the block overturns at all intensities over a
+        factor of 2, or at 1,000 times the acceleration of uplift.
     measure : str
         As for `fpk_rocking.risk.at_intensity`, or "scale" (the factor of the motion itself).
     units, baseline, ground, building, vertical
@@ -335,8 +335,8 @@ def critical_intensities(
     Returns
     -------
     CriticalIntensities
-        `critical` (m,): lowest intensity of each motion that overturns the block; all intervals, `jumps`; what it does
-        at its own scale.
+        `critical` (m,): lowest intensity of each motion that overturns the block; `jumps`: all intervals; and what the
+        block does at the motion's own scale.
 
     Raises
     ------

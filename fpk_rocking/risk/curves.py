@@ -77,7 +77,7 @@ class Fragility(Result):
     wall_s : float
         Seconds that the call took.
     motions : MotionOutcomes or None
-        Of scenes without noise by the method "exact": all changes of outcome, and what happens at scale 1.
+        For scenes without noise by the method "exact": all changes of outcome, and what happens at scale 1.
     """
 
     kind: ClassVar = "fragility"
@@ -128,7 +128,7 @@ class Fragility(Result):
         Returns
         -------
         ndarray, shape (m, l + 1, n, 2)
-            Wilson's of a sample; the error estimate to either side of a density; none where nothing is random.
+            Wilson's for a sample; for a density the error estimate to either side; none where nothing is random.
         """
         if self.realizations:
             limits = wilson_interval(np.round(self.probability * self.realizations), self.realizations, level)
@@ -137,7 +137,7 @@ class Fragility(Result):
         return np.clip(limits, 0.0, 1.0)
 
     def at_scales(self, scale: Array) -> Self:
-        """Return the curves at other scales, by the outcomes that were searched for without noise.
+        """Return the curves at other scales, from the changes of outcome that were found without noise.
 
         Parameters
         ----------
@@ -161,7 +161,7 @@ class Fragility(Result):
 
     @property
     def measure(self) -> str:
-        """What the scale is: as stated, or "PGV" or "PGA" where that is 1 for all scenes at scale 1, or "scale"."""
+        """Measure of the scale: as stated; else "PGV" or "PGA" if it is 1 for all scenes at scale 1; else "scale"."""
         if "measure" in self.options:
             return self.options["measure"]
         for name in ("PGV", "PGA"):
@@ -177,7 +177,7 @@ class Fragility(Result):
 
     @functools.cached_property
     def fits(self) -> list[list[LognormalFit]]:
-        """Lognormal fit of each curve, with 95 % intervals of a sample: a list (m) of lists (l + 1) of `LognormalFit`.
+        """Lognormal fit of each curve, for samples with 95 % intervals: a list (m) of lists (l + 1) of `LognormalFit`.
 
         The outcomes of a deterministic scene are not fitted.
         """
@@ -317,7 +317,7 @@ class Fragility(Result):
 
     @property
     def tol(self) -> float:
-        """Error of a probability that was asked for; where none was, as for a sample, `UNASKED`."""
+        """Error of a probability that was asked for; `UNASKED` if none was, as for a sample."""
         return self.options.get("tol", UNASKED)
 
     @property
@@ -413,7 +413,7 @@ class Fragility(Result):
     def plot(self) -> Any:
         """Draw the first three curves with their fits, or the surface over a parameter; returns a matplotlib figure.
 
-        The title says how many curves there are, where they are more.
+        If there are more curves, the title says how many.
         """
         from fpk_rocking.risk.picture import small_figure
 
@@ -473,8 +473,8 @@ def fragility(
         For a pulse or a record: ascending nondimensional times; overturning counts until the last one. By default it
         counts until 10 units of time after the end of each motion.
     measure : str, optional
-        What the scale is, as of `at_intensity`, for scenes that have the intensity 1 in it, all; by default "PGV" or
-        "PGA" where they have.
+        Measure of the scale, as for `at_intensity`, in which all scenes have the intensity 1; by default "PGV" or
+        "PGA" if they have it.
     engine : {"exact", "rk4", "white", "filtered", "density"}, optional
         A method of `montecarlo.simulate`, or "density" for `fpk_rocking.solve_fpk`. "white" and "filtered" replace band
         noise. By default the Monte Carlo method that fits the noise.
@@ -506,7 +506,7 @@ def fragility(
         A parameter is refused, the engine refuses all scales, or the store belongs to another study or to one that
         still runs.
     RuntimeError
-        The executor came to its end, as where the scheduler of a cluster is killed. The store keeps what came.
+        The executor ended, for example because the scheduler of a cluster was killed. The store keeps finished points.
 
     Examples
     --------

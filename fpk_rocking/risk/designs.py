@@ -23,14 +23,14 @@ from fpk_rocking.risk.rate import Risk, rate_text
 from fpk_rocking.risk.study import Study
 
 _NO_BOUND = (
-    "Neither is a bound in three dimensions. If motion in one plane did not affect the other, the block would overturn "
-    "at least as often as the larger says, and at most as often as the sum. But both components act at once, and the "
-    "block may roll on a corner and turn."
+    "Neither is a bound in three dimensions. If motion in one plane did not affect the other, the rate of overturning "
+    "would be at least the larger one, and at most the sum. But both components act at once, and the block may roll on "
+    "a corner and turn."
 )
 
 
 class Ratio(NamedTuple):
-    """What a block withstands, and how often it overturns, over the same of the first one.
+    """Capacity and annual rate of overturning of a block, divided by those of the first block.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ class Designs(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """Those of the studies, a list of `Diagnostic`: once what holds for all, else after the name of the block."""
+        """List of `Diagnostic` of the studies: once if it holds for all blocks, else after the name of the block."""
         messages = [{found.message for found in one.diagnostics} for one in self.studies]
         common = set.intersection(*messages)
 
@@ -191,15 +191,15 @@ class Designs(Result):
         texts = []
         for other, ratio, row in zip(self.studies[1:], self.ratios, self._each, strict=True):
             each = row[np.isfinite(row)]
-            text = f"{other.name} over {first.name}: {unit} that overturns it, in the median, {_limits(*ratio[:3])}"
+            text = f"{other.name} over {first.name}: median {unit} that overturns it {_limits(*ratio[:3])}"
             if math.isnan(ratio.median_low):
                 text += " (no limits, as one of the two has no lognormal capacities)"
             text += f", for single motions {each.min():.3g} to {each.max():.3g}" * bool(each.size)
             text += f"; annual rate {_limits(*ratio[3:])}" * bool(first.risk)
             unknown = math.isnan(ratio.rate_low) and not math.isnan(ratio.rate)
-            text += " (no limits, as the intensities that stand for the motions' rates are not lognormal)" * unknown
+            text += " (no limits, as the intensities that represent the motions' rates are not lognormal)" * unknown
             texts.append(f"{text}.")
-        same = "All blocks have the same motions, and limits of ratios allow for that."
+        same = "All blocks have the same motions, and the limits of the ratios take this into account."
         return [*texts, same, *self._of_motions]
 
     @property
@@ -208,9 +208,9 @@ class Designs(Result):
         return [*filter(None, dict.fromkeys(one.about_forcing for one in self.studies)), *self.studies[0].about_motions]
 
     def text(self) -> str:
-        """Return `sentences`, verdict, then rate and what is asked of each block, then each motion, as one text.
+        """Return one text: `sentences` and verdict, then rate and asked intensities of each block, then each motion.
 
-        What holds for all blocks stands once, above them, as do the reasons of their verdicts.
+        What holds for all blocks is stated once, above them, and so are the reasons of their verdicts.
         """
         common = [line for line in self.studies[0].block_lines if all(line in one.block_lines for one in self.studies)]
         lines = [*self.sentences, str(self.trust), *common]

@@ -86,7 +86,7 @@ def to_nrml(
     ValueError
         There is no curve, their measures or intensities differ or are none of OpenQuake's, the name is not accepted, or
         a severer limit state is likelier than the one before it by more than .01 at some intensity: OpenQuake would
-        count negative shares. Up to that the description says so.
+        count negative shares. A difference below that is stated in the description.
 
     Examples
     --------
@@ -139,8 +139,8 @@ def to_pelicun(path: File, curve: IntensityCurve, name: str, description: str = 
     """Write a curve as a row of pelicun's fragility table (CSV), with its description beside it (JSON).
 
     Lognormal where the curve has a fit that is not rejected, else the points (``multilinear_CDF``), with others between
-    and below them, where they do not fall. The demand is directional: that in the plane of the block. Of one that is
-    not, as in FEMA's own items, pelicun takes 1.2 times the larger of two directions.
+    and below them, where they do not fall. The demand is directional: it is that in the plane of the block. For items
+    without a direction, such as FEMA's own, pelicun takes 1.2 times the larger demand of two directions.
 
     Parameters
     ----------
@@ -344,10 +344,10 @@ def levels_text(risk: Risk) -> str:
     curve, hazard, levels = risk.curve, risk.hazard, enough_levels(risk)
     own, dense = (rate_by_levels(curve, im, np.asarray(hazard(im))) for im in (hazard.intensity, levels))
     low, high = (100.0 if curve.measure == "PGV" else 1.0) * levels[[0, -1]]
-    text = "OpenQuake takes a hazard at its levels alone: "
-    text += f"from the {hazard.intensity.size} of this study its classical_damage gives {rate_text(own)}, "
-    text += f"from {levels.size} levels 5 % apart from {low:.3g} to {high:.3g} "
-    return text + f"{'cm/s' if curve.measure == 'PGV' else curve.unit} {rate_text(dense)}."
+    text = "OpenQuake takes a hazard at its levels alone: its classical_damage gives the rate "
+    text += f"{rate_text(own)} from the {hazard.intensity.size} levels of this study, and {rate_text(dense)} from "
+    text += f"{levels.size} levels 5 % apart from {low:.3g} to {high:.3g} "
+    return text + f"{'cm/s' if curve.measure == 'PGV' else curve.unit}."
 
 
 def check_name(name: str) -> None:

@@ -24,12 +24,12 @@ _FADED = 1e-3
 
 @dataclasses.dataclass(frozen=True)
 class FloorMotion(Record):
-    """Motion of a floor: the block sees it, and its intensity is that of the ground, which is scaled with it.
+    """Motion of a floor, which moves the block. Its intensity is that of the ground motion, which is scaled with it.
 
     Parameters
     ----------
     interval, samples, units, scale, source, baseline, corner_hz, event, note, vertical
-        Of the floor, see `Record`; scale and baseline are those of the ground too.
+        Those of the floor, see `Record`; scale and baseline hold for the ground too.
     ground : sequence of float
         Accelerations of the ground at the same time, before `scale`.
     ground_interval : float
@@ -37,10 +37,10 @@ class FloorMotion(Record):
     ground_units : str
         Their unit.
     ground_source, ground_event : str
-        Name of their file, and what it says of event and station.
+        Name of their file, and event and station as it states them.
     building : str
-        What the floor's motion was computed of, see `Building`; empty where it was recorded. The samples of one that
-        was computed come from a ground motion whose baseline is corrected already.
+        Building from which the floor's motion was computed, see `Building`; empty if it was recorded. Computed samples
+        come from a ground motion whose baseline is corrected already.
     """
 
     kind: ClassVar[str] = "floor"
@@ -58,13 +58,13 @@ class FloorMotion(Record):
 
     @classmethod
     def of(cls, floor: Record, ground: Record, building: str = "") -> Self:
-        """Return the motion of a floor with that of its ground, corrected and scaled alike; ValueError where not.
+        """Return the motion of a floor with that of its ground; ValueError unless both are corrected and scaled alike.
 
         Parameters
         ----------
         floor, ground : Record
         building : str
-            What the floor's motion was computed of.
+            Building from which the floor's motion was computed.
         """
         for name in ("scale", "baseline", "corner_hz"):
             if getattr(floor, name) != getattr(ground, name):
@@ -128,7 +128,7 @@ class Building:
     period : float
         T, seconds.
     damping : float
-        In parts of the critical one, as .05; up to .5, as isolators with dampers have .3.
+        Damping ratio, such as .05; at most .5 (isolators with dampers have .3).
     factor : float
         Γφ: participation factor times mode shape at the floor, about 1.3 at the top, 0 on the ground.
 
@@ -155,8 +155,8 @@ class Building:
     def floor_motion(self, ground: Record) -> FloorMotion:
         """Return the motion of the floor under a record: exact at its samples, and followed until it has faded.
 
-        The ground moves on lines between its samples, from 0 to the first one. Of the floor there are 60 samples or
-        more in a period, and the engines take lines between them.
+        The ground acceleration is linear between its samples, and rises from 0 to the first one. The floor has 60
+        samples or more in a period, and the engines take lines between them.
 
         Parameters
         ----------

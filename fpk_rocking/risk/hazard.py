@@ -30,7 +30,7 @@ LARGEST = 690.0
 class Hazard:
     """Annual rate at which the ground motion exceeds an intensity, a power law between points and beyond the last ones.
 
-    Before a rate of 0 the last power law goes on to the intensity of that point, from where nothing is exceeded.
+    Before a point of rate 0 the last power law continues up to the intensity of that point; nothing exceeds it.
 
     Parameters
     ----------
@@ -38,18 +38,18 @@ class Hazard:
         Intensities in the unit of the curve they are used with (g or m/s), ascending, above 0, at least two.
     rate : array_like, shape (n,)
         Annual rate of exceedance at each, 1/year: above 0 at two points or more, nowhere rising, and falling to the
-        last. Of a return period T, years, it is 1/T; of a probability p in t years -ln(1 - p)/t.
+        last. For a return period T, years, it is 1/T; for a probability p in t years -ln(1 - p)/t.
     source : str
         Where it is from, such as the name of a file.
     measure : str
-        As for `at_intensity`, and no curve of another one is taken; empty where it is not known.
+        As for `at_intensity`; a curve of another measure is refused. Empty where it is not known.
     note : str
-        How a file was read, a sentence.
+        Sentence on how a file was read.
 
     Raises
     ------
     TypeError, ValueError
-        The numbers are not such.
+        The numbers do not meet these conditions.
 
     Examples
     --------
@@ -119,14 +119,14 @@ class Hazard:
         Parameters
         ----------
         path : str or pathlib.Path
-            Two columns parted by commas, semicolons, tabs or blanks; with the last three numbers may have decimal
+            Two columns, separated by commas, semicolons, tabs or blanks; except with commas, numbers may have decimal
             commas. Lines that begin with ``#`` are comments. The first line, or a comment, may name the columns, in
             any order: an intensity with its unit, and an annual rate, a return period in years, or a probability with
             its time, as in ``PGA (g),return period (years)`` or ``PGV (cm/s),probability in 50 years``. Without names
             they are an intensity in the unit of the curve, of the measure of a comment, and an annual rate. Or a hazard
             curve of OpenQuake (``lon,lat,depth,poe-...``), whose comment names measure and time.
         site : str or int, optional
-            Of a file of OpenQuake with several sites: "lon,lat" in degrees, or the number of its line, from 1.
+            For a file of OpenQuake with several sites: "lon,lat" in degrees, or the number of its line, from 1.
 
         Returns
         -------
@@ -138,8 +138,8 @@ class Hazard:
         FileNotFoundError
             There is no such file.
         ValueError
-            A line is not such, or what it says is no hazard curve; the message names the file, and the line or what to
-            write. Columns without names that may be return periods or probabilities are refused.
+            A line cannot be read, or the numbers are no hazard curve; the message names the file, and the line or what
+            to write. Columns without names that may be return periods or probabilities are refused.
         """
         file = checks.path("hazard", path)
         try:
@@ -153,7 +153,7 @@ class Hazard:
             raise ValueError(f"{path}: {error}") from None
 
     def check_measure(self, measure: str) -> None:
-        """Raise ValueError where this is the hazard of another measure than that a curve is over.
+        """Raise ValueError if this hazard is for another measure than a curve.
 
         Parameters
         ----------
@@ -179,7 +179,7 @@ class Hazard:
     def laws(self) -> tuple[Array, Array, Array]:
         """(logs, log_rates, slopes): ln of the points (m,), and exponents (m + 1,) below, between and beyond them.
 
-        Before a rate of 0 the last point stands at its intensity; the law beyond it has no part in `__call__`.
+        A point of rate 0 is replaced by the end of the last law, at its intensity; `__call__` uses no law beyond it.
         """
         above, slopes = self.rate > 0.0, self.exponents
         logs, values = np.log(self.intensity[above]), np.log(self.rate[above])
@@ -248,7 +248,7 @@ class Hazard:
         return max(y, logs[-1] + max(values[-1] - self.log_rate(y) + TAIL * math.log(10.0), 0.0) / slopes[-1])
 
     def exceeded_at(self, rate: Array) -> Array:
-        """Return the intensities (n,) that are exceeded at annual rates, inf of 0; of a plateau its end.
+        """Return the intensities (n,) that are exceeded at annual rates: inf for the rate 0, for a plateau its end.
 
         Parameters
         ----------

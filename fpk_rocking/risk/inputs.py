@@ -23,11 +23,11 @@ class Draws(NamedTuple):
     Parameters
     ----------
     scenes : tuple of Scene, (n,)
-        Those of the first scene first.
+        All copies of the first scene, then those of the next.
     values : dict of str to tuple of float, (n,)
-        What was drawn, by the names of the parameters.
+        The drawn values, by the names of the parameters.
     origin : tuple of int, (n,)
-        For each, the number of the scene in which values were replaced, from 0.
+        Number, from 0, of the scene that each is a copy of.
     """
 
     scenes: tuple[Scene, ...]
@@ -50,7 +50,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
         the scene's own value: ``{"size_factor": "lognormal:1:0.05", "block.restitution_factor": "uniform:0.93:1"}``.
         Set in this order. A distribution is "uniform:LOW:HIGH", "normal:MEAN:DEVIATION", "lognormal:MEDIAN:DISPERSION",
         "beta:A:B:LOW:HIGH", or an object with a method ``ppf`` (`scipy.stats`). Without "_factor" the scene's own value
-        has to lie within 4 normal deviations of its middle.
+        has to lie within 4 normal deviations of the middle of the distribution.
     count : int
         Copies of each scene.
     seed : int
@@ -64,7 +64,7 @@ def drawn(scene: Scene | Sequence[Scene], uncertain: Mapping[str, Any], count: i
     Raises
     ------
     TypeError, ValueError
-        A parameter is refused, or a value that was drawn.
+        A parameter or a drawn value is refused.
 
     Examples
     --------
@@ -216,16 +216,16 @@ def synthetic_records(
     count : int
         Number of motions.
     duration, interval : float
-        Of each, and between samples, seconds.
+        Duration of each motion, and time between samples, seconds.
     frequency_hz, damping : float
         Of the soil (Kanai-Tajimi).
     low_frequency_hz, low_damping : float
         Of the filter that takes out the lowest frequencies (Clough-Penzien).
     spread : float
-        Dispersion of ``frequency_hz`` from motion to motion, lognormal; 0 for the same soil under all.
+        Lognormal dispersion of ``frequency_hz`` from motion to motion; 0 for the same soil under all.
     envelope : Envelope, optional
-        In seconds, see `fpk_rocking.envelopes`; by default a trapezoid: a tenth of the duration to rise, three to hold,
-        four to decay.
+        In seconds, see `fpk_rocking.envelopes`; by default a trapezoid: a tenth of the duration to rise, three tenths
+        to hold, four tenths to decay.
     rms : float
         Root mean square acceleration above the soil where the envelope is 1, m/s², before the high-pass filter.
     seed : int

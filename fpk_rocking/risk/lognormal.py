@@ -36,11 +36,11 @@ class LognormalFit(NamedTuple):
     dispersion : float
         β, the standard deviation of the logarithm; nan where there is no fit.
     median_interval, dispersion_interval : tuple of (float, float)
-        Confidence limits by the observed information; nan for a fit not to counts.
+        Confidence limits by the observed information; nan if the fit is not to counts.
     misfit : float
         Largest difference of the curve from the data.
     deviance : float
-        Twice the log-likelihood ratio of the data to the curve; nan for a fit not to counts.
+        Twice the log-likelihood ratio of the data to the curve; nan if the fit is not to counts.
     p_value : float
         Of the chi-square test of the deviance (n - 2 degrees of freedom) for counts, of Lilliefors' test
         (`fpk_rocking.risk.capacities`) for the mean over motions; nan without a test.
@@ -188,7 +188,7 @@ class Ranking(NamedTuple):
         Its name, with its unit.
     deviance : float
         Of the lognormal curve over the measure: twice the log-likelihood that it loses to the probabilities themselves,
-        each of which counts like one outcome. The smaller, the better does the measure alone say what happens.
+        each of which counts like one outcome. The smaller it is, the better the measure alone predicts the outcome.
     median, dispersion : float
         Of that curve.
     """
@@ -200,7 +200,7 @@ class Ranking(NamedTuple):
 
 
 def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
-    """Order intensity measures by how well they tell overturning, over all scenes and scales of a fragility.
+    """Order intensity measures by how well they predict overturning, over all scenes and scales of a fragility.
 
     Parameters
     ----------
@@ -212,9 +212,9 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
     Returns
     -------
     list of Ranking
-        Named tuples: `measure`, `deviance`, `median`, `dispersion`. The best first; without those that a scene does not
-        have, that determine no curve, or that are another one in other units, as p PGV/(g tan θ_cr) is for motions of
-        one block.
+        Named tuples: `measure`, `deviance`, `median`, `dispersion`, the best first. Measures are left out that a scene
+        does not have, that determine no curve, or that are another one in other units, as p PGV/(g tan θ_cr) is for
+        motions of one block.
 
     Examples
     --------

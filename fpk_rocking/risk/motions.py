@@ -168,16 +168,16 @@ def intensity_of(scene: Scene, measure: str) -> float:
 def at_intensity(scene: Scene, measure: str = "PGV", value: float = 1.0, *, noise: bool = True) -> Scene:
     """Return a scene whose forcing is scaled to an intensity.
 
-    With the default value the scales of `fpk_rocking.risk.fragility` are the intensity itself (stripes).
+    With the default value, 1, the scales of `fpk_rocking.risk.fragility` are then the intensities (stripes).
 
     Parameters
     ----------
     scene : Scene
-        Of a block with dimensions.
+        Scene of a block with dimensions.
     measure : str
         "PGA" (in g), "PGV" (in m/s), "Sa(1.0)" (5 % damped pseudo-acceleration at 1 s, in g) or "PGV*"
-        (p PGV/(g tan θ_cr)), of the forcing without the noise, on a floor of that of the ground; "PFA" (in g) or "PFV"
-        (in m/s), of what the block sees.
+        (p PGV/(g tan θ_cr)), of the forcing without the noise, for a block on a floor of the ground motion; "PFA" (in
+        g) or "PFV" (in m/s), of the motion below the block.
     value : float
         Intensity, in its unit, above 0.
     noise : bool

@@ -376,7 +376,7 @@ def fragility_table(result: Any) -> tuple[str, Table, tuple[str, ...]]:
     title = f"Fragility by {result.engine}, {size_of(result)}"
     fits = [result.describe(m, which) for m in range(len(result.place)) for which in range(len(result.names))]
     tested = any(np.isfinite(fit.p_value) for fits in result.fits for fit in fits)
-    p_value = "p: probability that counts drawn from the fitted curve differ from it as much; a small p: not lognormal."
+    p_value = "p: probability that counts drawn from the fitted curve differ from it as much; if small, not lognormal."
     notes = [p_value] * tested
     what = "PGA, PGV: peak acceleration and velocity" if sized else "p PGV / (g tan θ_cr): peak velocity"
     notes.append(f"{what} of the shaking without noise{'' if sized else ', nondimensional'}.")

@@ -29,13 +29,13 @@ def in_plane(
     Parameters
     ----------
     files : sequence of str or pathlib.Path
-        Files of two horizontal components, or of one each, the two of a motion one after the other. Their names have to
-        say the azimuths: NS, N30E, 120 DEG, 279.
+        Files with both horizontal components of a motion, or with one each, the two of a motion one after the other.
+        The names of the components have to state the azimuths: NS, N30E, 120 DEG, 279.
     azimuth : float
-        Of the plane of the block, degrees clockwise from north; the left side of the block, where angles are negative,
-        looks there. Positive samples accelerate the base towards it.
+        Direction of the plane of the block, degrees clockwise from north. The left side of the block, where angles are
+        negative, faces it. Positive samples accelerate the base towards it.
     units, interval : optional
-        Where the files leave them open, as for `Record.from_file`.
+        As for `Record.from_file`, if the files do not state them.
 
     Returns
     -------

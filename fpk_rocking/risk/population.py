@@ -51,32 +51,32 @@ class IntensityCurve(Result):
     fit : LognormalFit
         Lognormal curve through the mean; its intervals are those of `replicates`.
     replicates : ndarray, shape (b, 2)
-        Draws of median and dispersion (`fpk_rocking.risk.capacities`); of one scene those of other samples.
+        Draws of median and dispersion (`fpk_rocking.risk.capacities`); for one scene those of other samples.
     records : int
         Number of motions, or of events.
     sources, source_errors : dict of str to float
         Parts of the dispersion by name, with their standard errors: "noise" or, without it, "intervals" (the block
-        stands again under stronger shaking), each uncertain value of the block, and "record to record", what these
-        leave of the dispersion, 0 where that is negative.
+        stands again under stronger shaking), each uncertain value of the block, and "record to record", which is the
+        rest of the dispersion, or 0 if that is negative.
     units : int
         Number of independent outcomes: of motions, or of drawn blocks where there is one motion.
     scenes : tuple of Scene
     jumps : ndarray, shape (r, b, k)
         Without noise: intensities, ascending, from which record r overturns block b (the first, third, ...) or lets it
-        stand (the second, ...), nan behind the last. They do not depend on `intensity`, and the rate is by them. (0, 0,
-        0) with noise.
+        stand (the second, ...), nan after the last. They do not depend on `intensity`, and the rate is computed from
+        them. (0, 0, 0) with noise.
     model : tuple of Diagnostic
-        What speaks against scenes, noise and engine.
+        Diagnostics that speak against scenes, noise and engine.
     by_points : bool
         Whether the intensities were chosen so that a rate by the points, joined by lines, does not depend on them
-        (`fpk_rocking.risk.study`). It then is by the points though there is a fit, which does depend on them.
+        (`fpk_rocking.risk.study`). The rate is then by the points, even if there is a fit, which depends on them.
     reach : float
-        Without noise: least intensity up to which all records were searched that do not overturn a block for good; inf
-        where there is none.
+        Without noise: intensity up to which all records that do not overturn a block for good were searched; inf if
+        there are none.
     capacities : Capacities or None
-        What the replicates are drawn by; None of one scene.
+        Capacities from which the replicates are drawn; None for one scene.
     shares : ndarray, shape (r, n)
-        Probability under each motion, or event; (0, 0) of one scene.
+        Probability under each motion, or event; (0, 0) for one scene.
     """
 
     name: str
@@ -105,7 +105,7 @@ class IntensityCurve(Result):
 
     @property
     def fitted(self) -> bool:
-        """Whether there is a lognormal fit that the data do not reject: it is then what a call evaluates."""
+        """Whether there is a lognormal fit that the data do not reject: a call then evaluates it."""
         return not (self.fit.reason or self.fit.rejected)
 
     def unless_rejected(self, capacities: Capacities) -> Capacities | None:
@@ -133,7 +133,7 @@ class IntensityCurve(Result):
     def along(self, points: Array, intensity: Number) -> Number:
         """Interpolate probabilities linearly in the logarithm of the intensity.
 
-        Below the points it goes on as a lognormal curve of dispersion `tail`, above them it is constant.
+        Below the points it continues as a lognormal curve of dispersion `tail`, above them it is constant.
 
         Parameters
         ----------
@@ -223,7 +223,7 @@ class IntensityCurve(Result):
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """A list of `Diagnostic`: of the scenes, of the fit, and of how little so many motions tell."""
+        """A list of `Diagnostic`: of the scenes, of the fit, and of the uncertainty by the number of motions."""
         half = float(0.5 * np.diff(self.point_limits).max())
         what = "motions" if self.records > 1 else "blocks" if self.units > 1 else self._one.removeprefix("one ")
         sentence = f"From {self.units} {what}, the probabilities for others of {'its' if self.units == 1 else 'their'} "
@@ -268,7 +268,7 @@ class IntensityCurve(Result):
     def point_limits(self) -> Array:
         """95 % limits (n, 2) of each probability by its own outcomes: Clopper's and Pearson's, 0 up to lift-off.
 
-        Of one scene those of its paths, and nan without noise: one outcome has none.
+        For one scene they are those of its paths, and nan without noise: one outcome has none.
         """
         if self.units > 1:
             lifted = np.log(self.intensity) > self.log_lift_off
@@ -323,12 +323,12 @@ class IntensityCurve(Result):
         samples: int | None = None,
         seed: int = 1,
     ) -> Self:
-        """Return the curve of a fragility: of its scene, or for a motion drawn from the population of its motions.
+        """Return the curve of a fragility: for its scene, or for a motion drawn from the population of its motions.
 
         Parameters
         ----------
         fragility : Fragility
-            Of one scene, or of several that have the same intensity at each scale: see `at_intensity`. Scales at which
+            For one scene, or several that have the same intensity at each scale: see `at_intensity`. Scales at which
             an answer is missing are left out.
         measure : str
             As for `at_intensity`, or "scale".
@@ -353,7 +353,7 @@ class IntensityCurve(Result):
         Raises
         ------
         ValueError
-            The scenes are no suite (``over`` a parameter), have unequal intensities, or there is no probability.
+            The scenes differ in a parameter (``over``), have unequal intensities, or there is no probability.
         """
         shares = fragility.probability[:, which]
         if len(shares) > 1 and fragility.axis != "scene":

@@ -63,10 +63,10 @@ class Risk(Result):
     rate : float
         λ = ∫ P(im) |dH(im)|, 1/year.
     interval : tuple of (float, float)
-        95 % limits; the hazard is taken as exact. They contain the rate; nan for one block under one motion without
-        noise, which has none.
+        95 % limits, which contain the rate; the hazard is taken as exact. nan for one block under one motion without
+        noise, for which there are none.
     edges : ndarray, shape (b + 1,)
-        Intensities between which `contribution` is.
+        Edges of the bins of intensity of `contribution`.
     contribution : ndarray, shape (b,)
         Share of λ between two edges (disaggregation); a thousandth lies outside.
     beyond_hazard : float
@@ -98,7 +98,7 @@ class Risk(Result):
 
     @functools.cached_property
     def exported_rate(self) -> float:
-        """Annual rate by the curve that files carry, 1/year: lognormal where the fit stands, else points and lines."""
+        """Annual rate, 1/year, by the curve in exported files: lognormal if the fit stands, else points and lines."""
         edges = edges_of_rules(self.curve, self.hazard)
         if self.curve.fitted:
             curve = np.array([[self.curve.fit.median, self.curve.fit.dispersion]])
@@ -118,7 +118,7 @@ class Risk(Result):
     def model_diagnostics(self) -> list[Diagnostic]:
         """Return a list of `Diagnostic`: large shares of the rate from beyond the points of hazard or fragility.
 
-        Above .05 there is caution if the rate depends on them. Above .5 it is made of an extrapolation and not
+        Above .05 there is caution if the rate depends on them. Above .5 the rate is mostly extrapolated and not
         to be used: for the hazard, if `by_other_slopes` differ by more than a factor of 7, or another unit of its
         intensities would fit. A rejected fit, and another rate by the curve in files, are cautions, too.
         """
@@ -195,7 +195,7 @@ class Risk(Result):
 
     @property
     def sentences(self) -> list[str]:
-        """Sentences: the rate in words, with what its interval leaves out, and the messages of `model_diagnostics`."""
+        """Sentences: the rate, what its interval leaves out, and the messages of `model_diagnostics`."""
         sampled = " and ".join(
             ["records"] * (self.curve.records > 1)
             + ["blocks"] * bool(set(self.curve.sources) - {"noise", "intervals", "record to record"})
@@ -213,7 +213,7 @@ class Risk(Result):
         limits = f"; the limits ({by}) contain the sampling of {sampled}" * bool(sampled)
         text = (
             f"{self.title}{self._periods}. Computed from {through}{limits}. "
-            "The hazard and the model of the block count as known."
+            "The hazard and the model of the block are taken as known."
         )
         text += f" {self.hazard.note}" * bool(self.hazard.note)
         if 0.02 < self._two_rates <= _DIFFERENT:
@@ -229,7 +229,7 @@ class Risk(Result):
 
     @functools.cached_property
     def capacities(self) -> Capacities | None:
-        """`Capacities` that the limits are by, thresholds that give the rates under single motions, or None."""
+        """`Capacities` from which the limits follow: thresholds that give the rates under single motions; or None."""
         return rate_capacities(self.curve, self.hazard)
 
     @property
@@ -325,14 +325,14 @@ def annual_frequency(curve: IntensityCurve, hazard: Hazard) -> Risk:
     """Return the annual frequency of a limit state.
 
     Gauss-Legendre rules over the logarithm of the intensity between the points of the hazard: exact to rounding for a
-    lognormal curve and a power law (λ = k₀ M^(-k) exp(k²β²/2)). A curve that is `by_points` counts by its
-    points. Without noise each interval of overturning adds the difference of the hazard at its ends.
+    lognormal curve and a power law (λ = k₀ M^(-k) exp(k²β²/2)). For a curve that is `by_points` its points are
+    used. Without noise each interval of overturning adds the difference of the hazard at its ends.
 
     Parameters
     ----------
     curve : IntensityCurve
     hazard : Hazard
-        In the measure and the unit of the curve.
+        Hazard in the measure and the unit of the curve.
 
     Returns
     -------

@@ -22,9 +22,9 @@ class Row(NamedTuple):
     file, format, name : str
         Name of the file, format it was read as, and number and name of the component.
     unit : str
-        As the file says it, or as it was given; "" where neither says one.
+        Unit by the file, or as it was given; "" if unknown.
     interval : float
-        Seconds; nan where neither says it.
+        Seconds; nan if unknown.
     samples : int
         Their number.
     pga, pgv : float
@@ -32,7 +32,7 @@ class Row(NamedTuple):
     drift : str
         "drifts", "offset", or "".
     does : str
-        What `Record.from_file` does: "read", "vertical motion (--vertical)", or what it asks for or refuses.
+        What `Record.from_file` does: "read", "left out", "vertical motion (--vertical)", or what it lacks or refuses.
     """
 
     file: str
@@ -64,13 +64,13 @@ def survey(
     units, interval, component
         As for `Record.from_file`, where the files leave them open.
     **correction
-        `baseline` and `corner_hz` of `Record`, with which peaks and drift are those that a study would have.
+        `baseline` and `corner_hz` of `Record`: peaks and drift are those after this correction, as in a study.
 
     Returns
     -------
     rows : list of Row
     refused : list of str
-        A sentence for each file of which nothing can be read.
+        A sentence for each file that cannot be read.
 
     Examples
     --------

@@ -38,16 +38,16 @@ def finer(samples: Array, interval: float, longest: float, tail: float) -> tuple
 
 
 def response_spectrum(record: Record, period: ArrayLike, damping: float = 0.05) -> Array:
-    """Return the pseudo-acceleration response spectrum ω² max |u| of a record, whose free vibration counts.
+    """Return the pseudo-acceleration response spectrum ω² max |u| of a record, free vibration after it included.
 
     Parameters
     ----------
     record : Record
-        Linear between its samples, as what is left of its baseline correction.
+        The record after its baseline correction, linear between its samples.
     period : array_like, shape (n,)
         Seconds, .01 to 20.
     damping : float
-        Of the oscillator, in parts of the critical one, below 1.
+        Damping ratio of the oscillator, below 1.
 
     Returns
     -------

@@ -93,9 +93,9 @@ class Study(Result):
     Parameters
     ----------
     fragility : Fragility
-        Of each record at each intensity.
+        Probabilities under each record at each intensity.
     curve : IntensityCurve
-        For a motion drawn from the population of these.
+        Curve for a motion drawn from the population of the records.
     risk : Risk or None
         None without a hazard.
     name : str
@@ -107,23 +107,23 @@ class Study(Result):
     recorded : list of Scene
         The block as passed to `study` under each motion, at the motion's own scale.
     critical : CriticalIntensities or None
-        Of these scenes; None with noise.
+        Critical intensities of `recorded`; None with noise.
     added : int
-        Number of intensities that were added where the rate comes from; 0 without noise.
+        Number of intensities that were added where most of the rate arises; 0 without noise.
     moved : float
-        Part of the rate by which the last of them moved it.
+        Relative change of the rate by the last of them.
     uncorrected : IntensityCurve or None
-        Curve of the motions without baseline correction, where there was one, and neither noise nor a drawn block.
+        Curve without the baseline correction; None without a correction, with noise, or with drawn blocks.
     events : sequence
-        A label for each of `recorded`; motions of one count as one.
+        A label for each of `recorded`; motions of one label count as one.
     asked : ndarray, shape (a,)
-        Intensities that were asked for, or with a mass those of the curve; else (0,).
+        Intensities that were asked for; if there are none, with a mass those of the curve, else (0,).
     mass : float or None
-        Of the block, kg.
+        Mass of the block, kg.
     friction : float or None
         Coefficient of friction below the block.
     about_forcing : str
-        That the records are in place of the forcing of `scene`, a sentence; empty where it has none of its own.
+        Sentence that the records replace the forcing of `scene`; empty if it has none of its own.
     """
 
     fragility: Fragility
@@ -147,12 +147,12 @@ class Study(Result):
 
     @property
     def title(self) -> str:
-        """The rate with its limits, or without a hazard what the curve is of, as a line of text."""
+        """The rate with its limits, or, without a hazard, the title of the curve, as a line of text."""
         return self.curve.title if self.risk is None else self.risk.title
 
     @property
     def motions(self) -> list[Scene]:
-        """The scene of each record at the intensity 1, or the one scene; of drawn blocks the first."""
+        """The scene of each record at the intensity 1 (with its first block, if drawn), or the one scene."""
         scenes = self.fragility.scenes
         if self.draws is None:
             return list(scenes)
@@ -189,10 +189,10 @@ class Study(Result):
         return [*self.curve.model, *self.risk.diagnostics, *self.model_diagnostics()]
 
     def model_diagnostics(self) -> list[Diagnostic]:
-        """Return a list of `Diagnostic`: what speaks against the motions and the intensities.
+        """Return a list of `Diagnostic` that speak against the motions and the intensities.
 
-        That there is one motion, that some are equal or scaled far, that the rate still moves with more intensities, or
-        that the block slides before it rocks.
+        There is one motion, some are equal or scaled far, the rate still changes with more intensities, or the block
+        slides before it rocks.
         """
         against, count, motions = [], self.curve.records, [scene.forcing for scene in self.motions]
         least = not_none(self.scene.block.least_friction)
@@ -223,7 +223,7 @@ class Study(Result):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on noise, baselines, the number of motions, what they replace, and what the correction changes."""
+        """Sentences on noise, baselines, number of motions, a replaced forcing, and the effect of the correction."""
         count = self.curve.records
         what = "events" if 1 < count < len(self.recorded) else "motions"
         few = f"{count} {what} are few: 30 are needed to rely on the scatter between them." * (1 < count < MANY)
@@ -264,7 +264,7 @@ class Study(Result):
 
     @property
     def about_correction(self) -> str:
-        """What the correction of the baselines changes of probabilities and rate, a sentence; empty without one."""
+        """Sentence: how the correction of the baselines changes probabilities and rate; empty without a correction."""
         if not corrected(self.recorded):
             return ""
         if self.uncorrected is None:
@@ -319,7 +319,7 @@ class Study(Result):
 
     @property
     def block_sentences(self) -> list[str]:
-        """Sentences on what begins to move the block, and on ties where there are intensities that were asked for."""
+        """Sentences on lift-off and sliding, and on ties if there are intensities that were asked for."""
         level, friction = lift_off_g(self.scene.block), self.scene.block.least_friction
         text = f"The block lifts off at {level:.3g} g{self._lift_off_on_ground(level)}. "
         text += f"With a coefficient of friction below {friction:.3g} it slides "
@@ -463,7 +463,7 @@ class Study(Result):
 
     @property
     def not_for_openquake(self) -> str:
-        """Why OpenQuake has no hazard for the curve, as a text; empty where it has."""
+        """Why OpenQuake has no hazard for the curve, as a text; empty if it has one."""
         return not_for_openquake(self.curve)
 
     @property
@@ -476,15 +476,15 @@ class Study(Result):
         about = " ".join([self.curve.describe(), *self.about_motions])
         if not self.risk:
             return about
-        text = f"{about} Annual rate by the curve of this file {rate_text(self.risk.exported_rate)}, "
-        return text + f"as the study states it {rate_text(self.risk.rate)}."
+        text = f"{about} Annual rate: {rate_text(self.risk.exported_rate)} by the curve of this file, "
+        return text + f"{rate_text(self.risk.rate)} by the study."
 
     def for_pelicun(self) -> dict[str, tuple[IntensityCurve, str, Trust | None]]:
         """Return curve, description and verdict by the name of the block, as `write_pelicun` takes them."""
         about = self._about_curve()
         if self.risk and not self.curve.fitted and (np.diff(self.curve.probability) < 0.0).any():
             rate = annual_frequency(rising(self.curve), self.risk.hazard).exported_rate
-            about += f" Its points fall in places, those of pelicun do not: {rate_text(rate)} by them."
+            about += f" Its points fall in places. Those for pelicun do not, and give the rate {rate_text(rate)}."
         return {self.name: (self.curve, about, self.trust)}
 
     def origin(self, command: str = "") -> str:
@@ -568,39 +568,39 @@ def study(
 ) -> Study:
     """Compute the fragility of a block under recorded motions, and the annual frequency at which it overturns.
 
-    Each record is scaled to each intensity; the probability of overturning is that over the records and the noise.
+    Each record is scaled to each intensity; the probability of overturning is the mean over the records and the noise.
 
     Parameters
     ----------
     scene : Scene
         Block with dimensions, and noise of the shaking; its forcing is replaced by each record.
     records : sequence of Record, str or pathlib.Path
-        One, or at least five, or files that `Record.from_file` reads; with none the forcing of the scene counts.
+        One, or at least five; files are read by `Record.from_file`. With none the forcing of the scene is taken.
     hazard : Hazard, str or pathlib.Path, or None
         In the unit of the measure, or a file that `Hazard.from_csv` reads; with None there is no rate.
     intensities : array_like, optional
-        Points of the curve, in the unit of the measure; by default twelve, from half of the lowest at which a motion
-        overturns the block without noise to that from which all motions overturn it, but for those that never do. With
-        noise and a hazard others are added until they move the rate by less than 1 %. Without noise rate and limits do
-        not depend on them.
+        Points of the curve, in the unit of the measure. By default twelve: from half of the lowest at which a motion
+        overturns the block without noise, to that from which all motions overturn it (except those that never do). With
+        noise and a hazard others are added until they change the rate by less than 1 %. Without noise rate and limits
+        do not depend on them.
     measure : str
         As for `fpk_rocking.risk.at_intensity`, that of the hazard.
     ground : sequence of Record, str or pathlib.Path
-        Where the records are of an upper floor: the ground motion of each, in this order. It has the intensity, and is
-        scaled with that of the floor.
+        For records of an upper floor: the ground motion of each, in this order. The intensity is that of the ground
+        motion, and both are scaled together.
     building : Building, optional
-        Where the records are of the ground and the block stands on a floor of this building.
+        For records of the ground and a block on a floor of this building.
     units, interval, component : optional
         Unit of the records, time between samples, seconds, and name or number of the component, where their files leave
         them open: see `Record.from_file`.
     baseline : {"none", "mean", "linear", "high-pass"}, optional
-        Correction of the records' baselines, see `Record`; by default that of each `Record`, and none of files.
+        Correction of the records' baselines, see `Record`; by default that of each `Record`, and none for files.
     corner_hz : float, optional
         Corner of the correction "high-pass", Hz.
     vertical : sequence of Record, str or pathlib.Path, optional
-        The vertical motion of each of the records, in the same order: it multiplies the weight, and is scaled with it.
+        The vertical motion of each of the records, in the same order: it changes the weight, and is scaled with them.
     realizations : int
-        Paths of a record at each intensity.
+        Number of paths for each record at each intensity.
     seed : int
         Seed of the random numbers.
     scale_noise : bool
@@ -609,13 +609,13 @@ def study(
         Distributions of values of the block, see `fpk_rocking.risk.inputs.drawn`.
     events : sequence, optional
         A label for each record. Records of one label, as the components of one event, count as one motion, with
-        the mean of their probabilities. By default two whose files say the same event and station.
+        the mean of their probabilities. By default two whose files state the same event and station have one label.
     blocks : int
-        Blocks that are drawn for each record, at least five for one record; by default a hundred for all together.
+        Number of blocks drawn for each record, at least five for one record; by default a hundred for all together.
     mass : float, optional
-        Of the block, kg: forces that hold it are then in N, without intensities at those of the curve.
+        Mass of the block, kg: forces that hold it are then in N, and stated for the curve if no intensities are given.
     friction : float, optional
-        Coefficient of friction below the block, up to 2: with less than it needs to rock the verdict is "do not use".
+        Coefficient of friction below the block, up to 2. The verdict is "do not use" if it slides before it rocks.
     name : str
         Identifier of the block in exported files.
     workers, store, progress

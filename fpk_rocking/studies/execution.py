@@ -123,7 +123,7 @@ def _rows_from(workers, task, jobs, options) -> Generator[dict[str, Any], None, 
             yield from _rows_from_executor(workers, task, jobs, options)
         except _EXECUTOR_ENDED as error:
             raise RuntimeError(
-                "workers: the executor came to its end before all scenes were run, as where the scheduler of a cluster "
+                "workers: the executor ended before all scenes were run, as where the scheduler of a cluster "
                 "ends; rows in a store are kept, and the same call with other workers goes on from there"
             ) from error
 

@@ -64,22 +64,22 @@ class Probability(RowResult):
     left, right : ndarray, shape (rows,)
         Probability of having overturned to either side.
     errors : ndarray, shape (rows, 3)
-        Of the survival, of `left` and of `right`: half of the 95 % interval of a sample, with the measured error of its
-        time steps; of a density the estimated error.
+        Errors of the survival, of `left` and of `right`: for a sample half of the 95 % interval plus the measured error
+        of its time steps, for a density the estimated error.
     method : {"one path", "paths", "density", "splitting"}
     engine, reason : str
         The Monte Carlo method, empty for a density; and why `method` was taken, as a sentence.
     tol, rtol : float
         Wanted error of the last probability, absolute and relative; 0 where none was given.
     returns : ndarray of int, shape (2,)
-        Number of overturned paths that were followed on to the fall, 90 degrees, and of those that came back.
+        Number of overturned paths that were followed further to the fall, 90 degrees, and of those that came back.
     realizations : int
         Number of paths, or of walkers in all repeats of splitting; 0 for a density.
     seed : int
     interrupted : bool
         Whether the result is that of the paths until an interruption.
     seconds : float
-        Of the call, with compilation.
+        Seconds of the call, with compilation.
     """
 
     kind: ClassVar = "probability"
@@ -222,17 +222,17 @@ def probability(
     seed: int = 1,
     progress: Progress | None = None,
 ) -> Probability:
-    """Estimate the probability that a block has overturned, to a wanted error, for the scene as it is.
+    """Estimate the probability that a block has overturned, to a wanted error, with the noise of the scene.
 
     A scene without noise has one path. Else paths are sampled in stages until half of the 95 % interval (Wilson's) is
     within the wanted error; it contains the probability in 94.8 % of repetitions or more (benchmarks/probability.py).
-    Under white noise the density (`solve_fpk`) or splitting (`montecarlo.split`) is taken where the first paths predict
-    that it is sooner. Band noise and filtered noise act as they are. After an interruption from the keyboard the result
-    is that of the paths so far.
+    Under white noise the density (`solve_fpk`) or splitting (`montecarlo.split`) is used if the first paths predict
+    that it is faster. Band noise and filtered noise are not replaced. After an interruption from the keyboard the
+    result is that of the paths so far.
 
-    Where an engine has time steps, a quarter as many paths are sampled with steps four times as long. By how much these
-    differ, beyond sampling, is added to the error: it is more than the shorter steps err by, if that falls at least
-    with the root of the step.
+    If an engine has time steps, a quarter as many paths are sampled with steps four times as long. Their difference,
+    beyond sampling, is added to the error. It bounds the error of the shorter steps, if that error falls at least with
+    the square root of the step.
 
     Parameters
     ----------
@@ -242,13 +242,12 @@ def probability(
     times : array_like, optional
         For a pulse or a record: ascending, nondimensional; by default 21 over its duration, and one 10 after its end.
     tol, rtol : float, optional
-        Wanted error of the last probability, absolute and relative, above 0; the larger is enough. By
-        default `tol` is .005, unless `rtol` is given.
+        Wanted error of the last probability, absolute and relative, above 0; if both are given, the larger error is
+        enough. By default `tol` is .005, unless `rtol` is given.
     limit_s : float
-        Seconds of sampling or solving that are accepted. ValueError where more are predicted: after the first paths, or
-        after a part of this time where these do not tell.
-        Machine code that is compiled the first time on a machine comes on top, up to some minutes on a slow one
-        (``fpk-rocking warmup`` makes it ahead), as does what a busy machine takes longer than predicted.
+        Seconds of sampling or solving that are accepted. ValueError if more are predicted: after the first paths, or
+        after a part of this time if these do not suffice to predict. Compilation in the first run on a machine is not
+        included (up to some minutes; ``fpk-rocking warmup`` compiles ahead), nor are delays on a busy machine.
     seed : int
         From 0 to 2**64 - 1.
     progress : callable, optional

@@ -55,7 +55,7 @@ class Sweep(Result):
         Parameters
         ----------
         name : str
-            Name among the values of the rows, such as "survival"; of a list the last entry is taken.
+            Name among the values of the rows, such as "survival"; if a value is a list, its last entry is taken.
         """
         names = {key for row in self.rows for key in row["values"]}
         if name not in names:
@@ -212,18 +212,18 @@ def sweep(
     seed : int
         At least 0. The random numbers of a scene depend on this and its number in the sweep.
     store : path, optional
-        Text file that keeps the rows as they come, by custom with the suffix .jsonl. Where it exists, the sweep goes on
-        from it: scenes may have been added at the end, all else has to be the same. What failed is not run again.
+        Text file that keeps each finished row, by custom with the suffix .jsonl. If it exists, the sweep continues from
+        it: scenes may be added at the end, all else has to be the same. Failed scenes are not run again.
     progress : callable, optional
         Called as ``progress(done, total)`` after each row. An exception that it raises ends the sweep.
     **options
-        Of the task: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
+        Options of the task: "mc" takes `cycles` or `times`, `realizations`, `method` and `steps_per_cycle`; "fpk" takes
         `cycles` or `times`, `tol`, `bins_tol` (by default inf) and `noise_replacement`.
 
     Raises
     ------
     RuntimeError
-        The executor came to its end, as where the scheduler of a cluster is killed. The store keeps the rows that came.
+        The executor ended, for example because the scheduler of a cluster was killed. The store keeps finished rows.
 
     Examples
     --------

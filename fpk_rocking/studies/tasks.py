@@ -75,18 +75,18 @@ def checked(
     beside: Any = None,
     progress: Progress | None = None,
 ) -> Evolution:
-    """Return a density with its ``replacement``: its error by the replacement of noise, measured by paths.
+    """Return a density with its ``replacement``: the error by replacing the noise, measured by Monte Carlo paths.
 
     Parameters
     ----------
     density : Evolution
-        One whose noise was solved as it is comes back as it is.
+        A density whose noise was not replaced is returned unchanged.
     realizations : int, optional
-        Number of paths. By default 40,000, and 10,000 in a record.
+        Number of paths. By default 40,000, or 10,000 for a record.
     seed : int
         Seed of the paths.
     beside : Ensemble or Tally, optional
-        Taken in place of new paths if it is of the same scene and has 40,000 or more.
+        Used in place of new paths if it is for the same scene and has 40,000 or more.
     progress : callable, optional
         Called as ``progress(done, total)`` between batches of paths.
 
@@ -128,7 +128,7 @@ class SlendernessCost(NamedTuple):
     exact, slender : float
         Part of the paths that overturned.
     standard_error : float
-        Of `difference`, from the pairs that differ, or as from one such pair where there is none. 0 without noise.
+        Standard error of `difference`, from the pairs that differ; from one such pair if none differs. 0 without noise.
     realizations : int
         Number of pairs.
     """
@@ -167,7 +167,7 @@ def slenderness_cost(
     Parameters
     ----------
     scene : Scene
-        Its block has dimensions or a critical angle above 0; whether it is taken as slender has no influence.
+        Its block has dimensions or a critical angle above 0; its value of `slender` has no influence.
     cycles, times, seed, method
         As for `montecarlo.simulate`.
     realizations : int

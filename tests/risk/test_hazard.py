@@ -142,7 +142,7 @@ def test_a_hazard_of_another_measure_is_refused():
     assert asked.startswith("Are the intensities of the hazard in cm/s?")
     assert known.startswith("91 % of the rate comes from")
     own = Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGV", note="Read so.")
-    assert " count as known. Read so. " in annual_frequency(curve_of(), own).sentences[0]
+    assert " are taken as known. Read so. " in annual_frequency(curve_of(), own).sentences[0]
 
 
 def test_two_points_of_a_map_give_a_rate_and_what_other_slopes_would_make_of_it():

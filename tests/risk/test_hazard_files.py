@@ -262,5 +262,6 @@ def test_the_command_takes_measure_and_site_of_the_file(tmp_path, capsys):
     note = "It is OpenQuake's PGA at -70.5,-33.25, from probabilities in 50 years; those of 1 (1) tell no rate and are "
     assert note in (tmp_path / "out" / "risk.txt").read_text(encoding="utf-8")
     about = ET.parse(tmp_path / "out" / "rocking_block.xml").getroot()[0][0].text
-    assert f"OpenQuake takes a hazard at its levels alone: from the {hazard.intensity.size} of this study its " in about
+    assert "OpenQuake takes a hazard at its levels alone: its classical_damage gives the rate " in about
+    assert f" from the {hazard.intensity.size} levels of this study, and " in about
     assert "levels 5 % apart from " in about

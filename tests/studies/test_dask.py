@@ -99,7 +99,7 @@ def test_a_scheduler_killed_in_the_middle(distributed, tmp_path):
                 scheduler.kill()
 
         client.wait_for_workers(1)
-        with client, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all scenes"):
+        with client, pytest.raises(RuntimeError, match=r"workers: the executor ended before all scenes"):
             sweep(**asked, workers=client.get_executor(), progress=kill)
     kept = store.read_bytes()
     assert 5 <= kept.count(b"\n") < 16

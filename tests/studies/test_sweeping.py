@@ -204,7 +204,7 @@ def test_an_executor_that_ends_is_a_plain_error_and_the_store_goes_on(tmp_path, 
             def end(self, *_, kind=kind):
                 raise kind
 
-        with Ending(1) as pool, pytest.raises(RuntimeError, match=r"workers: the executor came to its end before all"):
+        with Ending(1) as pool, pytest.raises(RuntimeError, match=r"workers: the executor ended before all"):
             sweep(GRID, study_tasks.amplitude, seed=7, workers=pool, store=store)
         assert store.read_bytes().count(b"\n") == 3
         assert rows_without_seconds(
