@@ -279,9 +279,10 @@ def body(findings: list[Finding], options: argparse.Namespace) -> str:
     number, chance = alarms(findings)
     lines = miss_lines(findings)
     return f"""**Result.** Of {len(findings)} scenes drawn at random (seed {options.seed}) {len(answered)} are answered,
-{len(ok)} of them with the verdict "ok". Of these {sum(one.missed for one in ok)} are outside their stated error,
-{sum(one.missed_twice for one in ok)} outside twice it. In {sum(one.certain for one in ok)} of them nearly all blocks
-stand or nearly none, which tests little. In the others half of the comparisons would notice an error of
+{len(ok)} of them with the verdict "ok". Of these {len(ok)},
+{sum(one.missed for one in ok)} are outside their stated error, {sum(one.missed_twice for one in ok)} outside twice it;
+in {sum(one.certain for one in ok)} nearly all blocks stand or nearly none, which tests little. Elsewhere half of the
+comparisons would notice an error of
 {noticed(findings):.2g}.
 
 Scenes are drawn by a generator that knows no engine: slender and exact blocks, rectangles and bodies of unequal sides,

@@ -144,7 +144,7 @@ def main():
     write_section(
         "Density solver: speed against error",
         f"""**Result** (tolerance, seconds, largest error in survival): {result}.
-Errors are distances from the finest mesh. The mesh of the last tolerance is hardly coarser, {rows[-1][3]} apart:
+Errors are distances from the finest mesh. The mesh of the last tolerance is hardly coarser (error {rows[-1][3]}), so
 smaller errors cannot be resolved.
 
 Main scene with white noise, 10 cycles, from rest. Seconds are those of the whole call, set-up and estimate included:

@@ -93,9 +93,9 @@ def main():
     for number in range(1, 11):
         rows += judged(f"random {number}", random_scene(rng))
     lines, count, within, above, below = report(rows)
-    text = f"""**Result.** Errors in survival: {above[0]} of {count} above the estimate, {within[0]} between a tenth of
-it and the estimate; {below} are below the tolerance. Errors of the bins: {above[1]} of {count} above the estimate,
-{within[1]} between a tenth of it and the estimate.
+    text = f"""**Result.** Errors in survival: {above[0]} of {count} above the estimate, {within[0]} between the
+estimate and a tenth of it; {below} are below the tolerance. Errors of the bins: {above[1]} of {count} above the
+estimate, {within[1]} between the estimate and a tenth of it.
 
 Scenes: main, second, and ten random ones (seed {seed}, drawn after the solver was finished) that do not overturn
 without noise; {CYCLES} cycles from rest. Error: the largest difference, in survival and in L1 of the bins, from a

@@ -233,13 +233,13 @@ def summary(rows, tol):
         count = sum(row.estimate <= error for row in cheap)
         lines.append(
             f"* faster than the best Monte Carlo at a standard error of {error:g} in survival: {len(cheap)} of "
-            f"{len(rows)}, {count} of which its own estimate certifies"
+            f"{len(rows)}; its own estimate certifies the error in {count}"
         )
     cheap = [row for row in rows if row.is_cheapest(row.binning_seconds, BINNED_TARGET)]
     count = sum(row.bins_estimate <= BINNED_TARGET for row in cheap)
     lines.append(
         f"* faster than the best Monte Carlo at an expected L1 of {BINNED_TARGET:g} in the bins: {len(cheap)} of "
-        f"{len(rows)}, {count} of which its own estimate certifies"
+        f"{len(rows)}; its own estimate certifies the error in {count}"
     )
     return "\n".join(lines)
 

@@ -133,7 +133,7 @@ def main():
         bias = f"{worst[0]:.2f} ± {worst[1]:.2f}"
         biases.append(f"{bias} in the {name} scene")
         parts.append(f"**The {name} scene**, {paths:,} paths.\n\n{lines}")
-    text = f"""**Result.** The largest bias at the default, in 1e-4: {", ".join(biases)}.
+    text = f"""**Result.** The largest bias at the default step, in units of 1e-4: {", ".join(biases)}.
 
 White-noise paths take steps that shorten near an impact. The bias of survival and moments comes from the shortest one,
 a cycle over m. It is measured with steps far longer than any that `simulate` allows, down to the default, m =

@@ -140,7 +140,7 @@ def phrases():
     yield f"of every single intensity measure by at least {min(single):.1f} standard errors"
     housner = pair(lambda row: 1.0 - 1.5 * math.sin(row["posterior"]["critical_angle"][0]) ** 2, 3)
     yield f"Housner's restitution would be {housner}."
-    yield f"Used here are {len(RESULTS['tests']['id'])} tests of each rock"
+    yield f"This page uses {len(RESULTS['tests']['id'])} tests of each rock"
     missed = (
         f"{RESULTS[name]['wrong, predicted to stand']} of {RESULTS[name]['wrong']}" for name in benchmark.SPECIMENS
     )

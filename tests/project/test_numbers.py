@@ -107,7 +107,6 @@ ALLOWED = {
     "docs/reliability.md": {
         **dict.fromkeys(("512", "2.5"), "limits of memory, in the code"),
         **dict.fromkeys(("130", "143"), "exit status of a command that a signal ends"),
-        ".1": "width of the bins of compare",
     },
     "docs/results.md": {
         "2.718": "Euler's number",
