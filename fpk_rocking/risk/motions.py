@@ -274,6 +274,9 @@ def _read(files, units, interval, component):
     ValueError lists all files that are refused.
     """
     stated: dict[str, Any] = {"units": units, "interval": interval, "where_unstated": True}
+    for name, value in {"units": units, "interval": interval, "component": component}.items():
+        if value is not None and not files:
+            raise ValueError(checks.refusal(name, value, "nothing where no motion is the name of a file"))
     read, refused = {}, []
     for name, file in files:
         which = {"upright": True} if name == "vertical" else {"component": component}

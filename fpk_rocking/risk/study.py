@@ -657,6 +657,8 @@ def study(
     reading |= {"ground": ground, "building": building, "vertical": vertical}
     scenes = recorded_scenes(scene, records, **reading, baseline=baseline, corner_hz=corner_hz)
     events = _labels(events, scenes)
+    if blocks is not None and not uncertain:
+        raise ValueError(checks.refusal("blocks", blocks, "nothing without uncertain values, as no block is drawn"))
     blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)
     if uncertain and len(scenes) == 1 and blocks < FEWEST_RECORDS:
         raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST_RECORDS} for one motion"))

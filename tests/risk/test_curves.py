@@ -129,7 +129,7 @@ def outcomes():
 def test_outcomes_have_no_bars_and_hidden_curves_are_told(tmp_path, outcomes):
     assert np.array_equal(outcomes.interval(), np.stack([outcomes.probability] * 2, axis=-1))
     assert outcomes.trust.verdict == "ok"
-    assert outcomes.trust.reasons[0].startswith("Deterministic: one path, exact to rounding")
+    assert outcomes.trust.reasons[0].startswith("Deterministic: one path, exact but for rounding errors")
     assert fragility(PULSES[0], scale=(1.0, 2.0), engine="rk4").trust.verdict == "caution"
     figure = outcomes.plot()
     assert figure.get_suptitle() == "The first 3 of 5 curves"

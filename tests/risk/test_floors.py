@@ -122,6 +122,15 @@ def test_what_makes_no_floor_is_refused_by_name():
     )
 
 
+def test_what_has_no_effect_on_motions_in_hand_or_without_drawn_blocks_is_refused():
+    for name, value in (("units", "g"), ("interval", 0.01), ("component", "NS")):
+        said = rf"^{name}: got {value!r}, accepted: nothing where no motion is the name of a file$"
+        with pytest.raises(ValueError, match=said):
+            study(BLOCK, GROUND[:5], None, **{name: value})
+    with pytest.raises(ValueError, match=r"^blocks: got 9, accepted: nothing without uncertain values"):
+        study(BLOCK, GROUND[:5], None, blocks=9)
+
+
 def test_a_ground_motion_whose_file_says_another_event_is_told():
     """Motions in the wrong order are; two that differ in their last word, the component, are not."""
     samples = [0.0, 1.0, -1.0, 0.0]
