@@ -82,7 +82,7 @@ class ContactForces:
 
     @property
     def headline(self) -> str:
-        """One sentence: below which friction the block slides before it rocks, and what rocking needs."""
+        """One sentence: friction below which the block slides before it rocks, and friction that rocking needs."""
         needed, count = self.needed, len(self.needed)
         typical = f" (median of {count:,} paths {np.median(needed):.3g})" if count > 1 else ""
         floor = f"the normal force falls to {self.least.min():.3g} of the weight"

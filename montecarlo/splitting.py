@@ -207,7 +207,7 @@ def split(
     started = time.perf_counter()
     checks.instance("scene", scene, Scene)
     unbranched = {
-        "band": "all of a path of band noise is drawn at τ = 0 and cannot branch; scene.white_equivalent() replaces it",
+        "band": "band noise is drawn at τ = 0 for a whole path and cannot branch; scene.white_equivalent() replaces it",
         "filtered": "the states of a filter are not branched; scene.white_equivalent() replaces the filtered noise",
         "none": "without noise there is only one path",
     }

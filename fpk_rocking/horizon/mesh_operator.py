@@ -106,7 +106,7 @@ class MeshOperator:
             remaining = unity @ start / (unity @ unity)
         if not remaining > TUNING.least_eigenvalue**2:
             got = f"a probability of {remaining:.1e} to survive two cycles"
-            accepted = "a scene in which not every block overturns within a cycle; solve_fpk() takes this unity"
+            accepted = "a scene in which not every block overturns within a cycle; solve_fpk() takes this one"
             raise ValueError(checks.refusal("scene", got, accepted))
         return leading_modes(self.matvec, start)
 

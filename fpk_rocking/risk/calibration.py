@@ -457,7 +457,7 @@ def calibrated(
         checks.instance(f"motions[{number}]", motion, Record)
     observed = outcomes_as_bool("outcomes", outcomes, len(motions))
     if SCATTERED not in prior or not {"scatter", "stray"} & prior.keys():
-        accepted = f"{SCATTERED}, with scatter or stray or both: no block explains all outcomes"
+        accepted = f"{SCATTERED}, with scatter or stray or both, as no block explains all outcomes"
         raise ValueError(checks.refusal("prior", sorted(prior), accepted))
     draws = checks.count("draws", draws, at_most=4096)
     if draws & (draws - 1):
@@ -504,7 +504,7 @@ def outcomes_as_bool(name: str, values: ArrayLike, count: int) -> Array:
 def block_scene(motion: Record, overturning: float = 0.5 * math.pi, **values: float) -> Scene:
     """`Scene` of a block under a motion, without noise: here it is said what the parameters of a prior mean."""
     if not {SCATTERED, SHARED} <= values.keys() <= {SCATTERED, SHARED, "restitution", "offset"}:
-        accepted = f"{SCATTERED}, {SHARED}, and restitution and offset or not"
+        accepted = f"{SCATTERED}, {SHARED}, and optionally restitution and offset"
         raise ValueError(checks.refusal("prior", sorted(values), accepted))
     alpha, radius = values[SCATTERED], 0.75 * STANDARD_GRAVITY / values[SHARED] ** 2
     easier, height = radius * math.sin(alpha), radius * math.cos(alpha)

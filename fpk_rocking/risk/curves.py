@@ -527,7 +527,7 @@ def fragility(
     stated = {} if measure is None else {"measure": measure_of(measure).name}
     for scene_at_one in scenes if stated else ():
         if not math.isclose(own := intensity_of(scene_at_one, stated["measure"]), 1.0, rel_tol=1e-6):
-            accepted = "1 of all scenes, as of `at_intensity` (of blocks that are drawn not for PGV*)"
+            accepted = "1 for all scenes, as by `at_intensity` (for drawn blocks not PGV*)"
             raise ValueError(checks.refusal("measure", f"{measure} {own:.4g} at scale 1", accepted))
     seed = checks.count("seed", seed, at_least=0)
     engine, shaken = _engine(engine, scenes)

@@ -280,7 +280,7 @@ def _crossing(curves, levels, rows):
     where = f"at {curves[0].measure} {levels[level]:.3g} {curves[0].unit}"
     text = f"'{curves[state + 1].name}' likelier than '{curves[state].name}' by {above.max():.2g} {where}"
     if above.max() > _CROSSING:
-        accepted = f"the milder state first, and no more than {_CROSSING} by which the severer one is likelier"
+        accepted = f"the milder state first, and the severer one likelier by at most {_CROSSING}"
         raise ValueError(checks.refusal("curves", text, accepted))
     return f" The states cross: {text}; OpenQuake counts that as a negative share."
 

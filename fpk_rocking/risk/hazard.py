@@ -161,7 +161,7 @@ class Hazard:
             That of the curve.
         """
         if self.measure not in ("", measure):
-            accepted = f"{measure}, which the curve is over; measure={self.measure!r} (--measure) changes that"
+            accepted = f"{measure}, as for the curve; measure={self.measure!r} (--measure) changes that of the curve"
             raise ValueError(checks.refusal("measure of the hazard", self.measure, accepted))
 
     @property
@@ -291,7 +291,7 @@ def edges_of_rules(curve: IntensityCurve, hazard: Hazard) -> Array:
     low, high = max(first - away * spread, -LARGEST), min(hazard.last_log(last), math.log(hazard.end), LARGEST)
     last = min(last, high)
     if hazard.log_rate(low) > LARGEST:
-        accepted = "less, as its law goes on below the points, to infinite rates: give lower intensities"
+        accepted = "less, as this power law leads to infinite rates below the points: give lower intensities"
         raise ValueError(checks.refusal("lowest exponent of the hazard", round(float(hazard.laws[2][0]), 1), accepted))
     ends = np.unique(np.concatenate([[low, last, high], points[(points > low) & (points < high)]]))
     middles = 0.5 * (ends[1:] + ends[:-1])

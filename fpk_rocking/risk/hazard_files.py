@@ -189,7 +189,7 @@ def _rates(quantity, values, years):
     with np.errstate(divide="ignore"):
         rates = -np.log1p(-values) / years
     certain = int((values == 1.0).sum())
-    return rates, f"; those of 1 ({certain}) tell no rate and are left out" * bool(certain)
+    return rates, f"; those equal to 1 ({certain}) give no rate and are left out" * bool(certain)
 
 
 def _of_openquake(comments, lines, site):

@@ -117,7 +117,7 @@ def _with_value(scene, name, value, law):
     parameter = name.removesuffix("_factor")
     own = _value(scene, parameter)
     if own is None and parameter != name:
-        accepted = "the name of a value that the scene has with '_factor', such as 'width_factor'"
+        accepted = "the name of a value of the scene followed by '_factor', such as 'width_factor'"
         raise ValueError(checks.refusal("uncertain", name, accepted + meant(scene, parameter, "_factor")))
     if own is None:
         return varied(scene, parameter, value)

@@ -95,7 +95,7 @@ class Ensemble(Sample):
         over = np.maximum.accumulate(np.abs(states[0]) >= bound, axis=1)
         if not np.isfinite(np.where(over, 0.0, states)).all():
             accepted = f"numbers up to the first state at an angle of ±{bound:g} or beyond, which tells the side"
-            raise ValueError(checks.refusal("angle and velocity", "nan or inf before that", accepted))
+            raise ValueError(checks.refusal("angle and velocity", "nan or inf before overturning", accepted))
         start = np.array([scene.start.angle, scene.start.velocity])
         away = np.abs(states - start[:, None, None])[:, :, 0]
         if scene.start.covariance is None and not (away <= 1e-6).all():

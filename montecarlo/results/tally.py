@@ -112,7 +112,7 @@ def _edge_numbers(name, edges, counted):
     """Return the places (n,) of bin edges among the `counted` ones, or refuse the parameter `name`."""
     accepted = (
         f"two or more of the {counted.size} edges kept, ascending from {counted[0]:g} to {counted[-1]:g} "
-        f"with the least distance {np.diff(counted).min():g}; others: tally with {name} of your own"
+        f"with the least distance {np.diff(counted).min():g}; for others call tally with your own {name}"
     )
     middles = 0.5 * (counted[1:] + counted[:-1])
     places = np.searchsorted(middles, edges)

@@ -202,7 +202,7 @@ def test_what_leaves_a_vertical_motion_out_refuses_it_by_name(noise, what):
 @pytest.mark.parametrize("noise", [NOISE, WhiteNoise(0.01)])
 def test_densities_refuse_a_vertical_motion_by_name(noise):
     scene = under(record(upward()), noise=noise)
-    with pytest.raises(ValueError, match=r"forcing.vertical: .* none, as densities leave it out: paths by"):
+    with pytest.raises(ValueError, match=r"forcing.vertical: .* none, as densities leave it out; Monte Carlo by"):
         solve_fpk(scene, tol=1e-2)
     with pytest.raises(ValueError, match=r"forcing.vertical: .* none, as densities"):
         fragility(scene, scale=[1.0], engine="density")

@@ -278,7 +278,7 @@ def test_a_curve_of_the_floors_own_peak_is_for_pelicun_and_no_hazard_of_the_grou
         "accepted: PGA, PGV or Sa(T), of which OpenQuake"
         in json.loads((tmp_path / "risk.json").read_text())["openquake"]
     )
-    with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PFA, which the curve is over"):
+    with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PFA, as for the curve"):
         study(BLOCK, GROUND, Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGA"), measure="PFA", building=BUILDING)
 
 

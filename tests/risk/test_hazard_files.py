@@ -132,7 +132,7 @@ def test_a_time_may_stand_in_a_comment(tmp_path):
     assert hazard.rate == pytest.approx(-np.log1p([-0.1, -0.02, -1e-3]) / 50.0, rel=1e-12)
     certain = read(tmp_path, "PGA (g),poe in 50 years\n0.01,1\n0.1,0.1\n0.3,0.02\n1,0\n")
     assert (certain.intensity.tolist(), certain.end) == ([0.1, 0.3, 1.0], 1.0)
-    assert certain.note.endswith("probabilities in 50 years; those of 1 (1) tell no rate and are left out.")
+    assert certain.note.endswith("probabilities in 50 years; those equal to 1 (1) give no rate and are left out.")
 
 
 @pytest.mark.parametrize(
@@ -252,14 +252,14 @@ def test_the_command_takes_measure_and_site_of_the_file(tmp_path, capsys):
     assert "site: got None, accepted: 'lon,lat' to .01°, or a number, of 1: 9.15,45.16; 2: " in capsys.readouterr().err
     words.append("--site=-70.5,-33.25")
     assert cli.main(words) == 2
-    said = "measure of the hazard: got 'PGA', accepted: PGV, which the curve is over; measure='PGA' (--measure) "
+    said = "measure of the hazard: got 'PGA', accepted: PGV, as for the curve; measure='PGA' (--measure) "
     assert said in capsys.readouterr().err
     assert cli.main([*words, "--measure", "PGA", "--json", "--out", str(tmp_path / "out")]) == 0
     values = json.loads(capsys.readouterr().out)
     hazard = Hazard.from_csv(tmp_path / "h.csv", site=2)
     shaken = study(scene, synthetic_records(5), hazard, measure="PGA")
     assert values["risk"]["rate"] == pytest.approx(shaken.risk.rate, rel=1e-12)
-    note = "It is OpenQuake's PGA at -70.5,-33.25, from probabilities in 50 years; those of 1 (1) tell no rate and are "
+    note = "It is OpenQuake's PGA at -70.5,-33.25, from probabilities in 50 years; those equal to 1 (1) give no rate "
     assert note in (tmp_path / "out" / "risk.txt").read_text(encoding="utf-8")
     about = ET.parse(tmp_path / "out" / "rocking_block.xml").getroot()[0][0].text
     assert "OpenQuake takes a hazard at its levels alone: its classical_damage gives the rate " in about

@@ -182,7 +182,7 @@ class Forcing(abc.ABC):
 def refuse_vertical(forcing: Forcing, what: str) -> None:
     """Raise ValueError for a base that moves vertically too; `what` names the computation that leaves this out."""
     if forcing.vertical is not None:
-        accepted = f"none, as {what} leave it out: paths by the methods 'exact' and 'rk4' take it"
+        accepted = f"none, as {what} leave it out; Monte Carlo by the methods 'exact' and 'rk4' includes it"
         raise ValueError(checks.refusal("forcing.vertical", str(forcing.vertical), accepted))
 
 

@@ -39,7 +39,7 @@ def _component(trace, form):
     about, calibrated = trace.stats, form in _CALIBRATED
     calib, channel, sac = float(about.calib), about.channel, getattr(about, "sac", {})
     if calib != 1.0 and not calibrated:
-        accepted = "1, as it may be in the samples already, or count for another unit: write the accelerations out"
+        accepted = "1, as it may be in the samples already, or be for another unit: write accelerations to the file"
         raise ReadingError(
             f"a calibration factor of {calib:g} in the header ({form})", f"{accepted}, with trace.stats.calib = 1"
         )
