@@ -1,6 +1,6 @@
 """Ensembles of rocking blocks: Monte Carlo engines, independent of the density solver.
 
-`simulate` keeps every realization of a scene, `tally` counts alone, `histories` whole time histories with their
+`simulate` keeps every realization of a scene, `tally` keeps only counts, `histories` keeps time histories with their
 impacts; `split` estimates small probabilities of overturning. The other functions are statistics of realizations.
 """
 

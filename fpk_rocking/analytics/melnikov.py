@@ -1,7 +1,7 @@
 """Melnikov analysis of the rocking block under noisy periodic excitation (paper eqs. 12 to 20).
 
 The Melnikov process measures how far noise and forcing push the block across the heteroclinic orbit that separates
-rocking from overturning. Its variance σ_M² (eq. 15) also says which white noise stands for a band of noise.
+rocking from overturning. Its variance σ_M² (eq. 15) also determines which white noise replaces a band of noise.
 
 * The process: `heteroclinic_orbit`, `transfer` (16), `harmonic_amplitude` D_m, `impact_loss` M, `process_mean`,
   `noise_variance` σ_M² (15), `equivalent_diffusion` D_M = σ_M²/2, `sampled_process` for given realizations.
@@ -17,11 +17,11 @@ process and phase flux".
 Source: H. Lin and S. C. S. Yim, "Nonlinear rocking motions. I: Chaos under noisy periodic excitations", J. Eng. Mech.
 122(8), 719-727, 1996.
 
-The critical amplitudes stand in this file. Paper eq. 14 holds the process M(τ₀) (see `process`) against zero in a mean-
-square sense. It adds the largest value of (D_m cos)², that is D_m², to the mean square σ_M² of the noise; the mean
-square of the sum over all τ₀ is D_m²/2 + σ_M². Both are offered. Without noise only the first is the condition for
-zeros, D_m >= M. With Gaussian noise neither is a threshold: the process then crosses zero at any amplitude, and how
-much it does so is the phase flux.
+Paper eq. 14 is a condition, in the mean-square sense, for zeros of the process M(τ₀) (see `process`). It adds the
+largest value of (D_m cos)², that is D_m², to the mean square σ_M² of the noise; the mean square of the sum over all τ₀
+is D_m²/2 + σ_M². `critical_amplitude` offers both. Without noise only the first is the condition for zeros, D_m >= M.
+With Gaussian noise neither is a threshold: the process then crosses zero at any amplitude, and the phase flux measures
+how much it does.
 """
 
 from collections.abc import Sequence

@@ -4,7 +4,7 @@
 ``critical_intensities`` searches for the intensities at which each motion overturns a block without noise.
 ``at_intensity`` scales a scene to an intensity; ``intensities`` measures how strong a motion is, and ``ranked`` orders
 these measures. ``drawn`` makes scenes of blocks whose values are drawn from distributions, ``synthetic_records`` makes
-ground motions, and ``IntensityCurve`` is the curve for others of their kind. ``study`` does it all for a suite of
+ground motions, and ``IntensityCurve`` is the curve for their population. ``study`` does it all for a suite of
 records, also on an upper floor (``Building``, ``FloorMotion``), ``Designs`` compares several blocks, ``in_plane``
 turns two components into a block's plane;
 ``annual_frequency`` weighs a curve with a ``Hazard``; ``to_nrml`` and ``to_pelicun`` hand it to other
