@@ -113,7 +113,7 @@ def what_is_left(begun, folder, state):
     """Say what a command that began at a time leaves in a folder, and in a file from which it can go on."""
     files = folder.iterdir() if folder and folder.is_dir() else ()
     written = sorted(file.name for file in files if file.is_file() and file.stat().st_mtime >= begun)
-    texts = [f"whole files in {folder}: {', '.join(written)}"] if written else []
+    texts = [f"complete files in {folder}: {', '.join(written)}"] if written else []
     texts += [f"the same command goes on from {state}"] if state and state.is_file() else []
     return "; ".join(texts) or "no result was written"
 

@@ -72,7 +72,7 @@ def start_helpers(compilation: Compilation, *helping: Compilation) -> None:
         return
     from fpk_rocking.base import jit
 
-    kept = "once" if jit.keeps_machine_code() else "which no folder keeps (set NUMBA_CACHE_DIR)"
+    kept = "once" if jit.keeps_machine_code() else "which is not kept (set NUMBA_CACHE_DIR)"
     sys.stderr.write(f"compiling machine code for this machine, {kept}: about {compilation.seconds} s\n")
     left = [other for other in (*helping, *_queued) if not _is_compiled(other)]
     _helpers.extend([start_process(*share) for share in shares(left, processors() - 1)] or [None])

@@ -212,7 +212,7 @@ class Evolution(SurvivalResult):
         if not chosen:
             return ""
         choice, scatter = chosen["choice"], chosen.get("scatter")
-        few = f" Realizations differ in strength by {scatter:.2g}; the density contains it." if scatter else ""
+        few = f" Realizations differ in strength by {scatter:.2g}; the density includes this." if scatter else ""
         return f"{choice[0].upper()}{choice[1:]}.{few}"
 
     @property

@@ -131,7 +131,7 @@ def choose(
     reason = f"{name} noise is {why} (estimated errors: {', '.join(texts)})"
     # Beyond REPLACED the verdict would allow more.
     solved_to = max(tol, min(_SOLVED_PART * errors[name], REPLACED))
-    reason += f"; so the density is solved to {solved_to:.1g}" * (solved_to > tol)
+    reason += f"; the density is therefore solved to an error of {solved_to:.1g}" * (solved_to > tol)
     return Choice(name, replaced_scene(scene, name), errors, reason, solved_to)
 
 

@@ -106,7 +106,7 @@ def test_interrupted_writing_leaves_whole_files(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         vtk.write_series(tmp_path, "jpdf", Interrupted(load_scene("main"), cycles=4), [0, 1, 2, 4])
     left = console.what_is_left(begun - 1.0, tmp_path, None)
-    assert left == f"whole files in {tmp_path}: jpdf_0000.vtu, jpdf_0001.vtu"
+    assert left == f"complete files in {tmp_path}: jpdf_0000.vtu, jpdf_0001.vtu"
     assert console.what_is_left(begun + 1000.0, tmp_path, None) == "no result was written"
     state = tmp_path / "older"
     assert console.what_is_left(begun + 1000.0, tmp_path, state) == f"the same command goes on from {state}"

@@ -62,8 +62,8 @@ def test_the_fastest_noise_within_the_tolerance_is_taken_else_the_most_accurate(
     assert [choice.tol for choice in chosen.values()] == pytest.approx(
         [3 * white, 0.7 * white, chosen[1e-6].error / 3.0]
     )
-    assert chosen[1e-6].reason.endswith(f"; so the density is solved to {chosen[1e-6].tol:.1g}")
-    assert "solved to" not in chosen[0.7 * white].reason
+    assert chosen[1e-6].reason.endswith(f"; the density is therefore solved to an error of {chosen[1e-6].tol:.1g}")
+    assert "therefore solved" not in chosen[0.7 * white].reason
 
     def refuses(scene):
         if scene.noise.kind == "filtered":

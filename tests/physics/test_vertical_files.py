@@ -73,7 +73,9 @@ def test_another_motion_in_its_place_is_refused(vertical, message, files, tmp_pa
 
 def test_a_vertical_motion_of_another_place_is_told(files):
     told = Record.from_file(files["side.AT2"], vertical=files["other.AT2"]).implausible
-    assert told == ["other.AT2 is not of the place of side.AT2: OWN, 1/2/03, ELSEWHERE, UP; OWN, 1/2/03, TOWN, 090."]
+    assert told == [
+        "other.AT2 and side.AT2 state different places: OWN, 1/2/03, ELSEWHERE, UP; OWN, 1/2/03, TOWN, 090."
+    ]
     assert not Record.from_file(files["side.AT2"], vertical=files["up.AT2"]).implausible
 
 

@@ -374,7 +374,7 @@ class Record(TransientForcing):
         """Sentences on a vertical motion that is hardly meant, or hardly of the same place."""
         if same_place(self.event, vertical.event):
             return vertical.implausible
-        said = f"{vertical.source} is not of the place of {self.source}: {vertical.event}; {self.event}."
+        said = f"{vertical.source} and {self.source} state different places: {vertical.event}; {self.event}."
         return [*vertical.implausible, said]
 
     @property
