@@ -657,11 +657,7 @@ def study(
     reading |= {"ground": ground, "building": building, "vertical": vertical}
     scenes = recorded_scenes(scene, records, **reading, baseline=baseline, corner_hz=corner_hz)
     events = _labels(events, scenes)
-    if blocks is not None and not uncertain:
-        raise ValueError(checks.refusal("blocks", blocks, "nothing without uncertain values, as no block is drawn"))
-    blocks = -(-BLOCKS // len(scenes)) if blocks is None else checks.count("blocks", blocks)
-    if uncertain and len(scenes) == 1 and blocks < FEWEST_RECORDS:
-        raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST_RECORDS} for one motion"))
+    blocks = _blocks_of_a_motion(blocks, uncertain, len(scenes))
     at_one = [at_intensity(shaken, measure, noise=scale_noise) for shaken in scenes]
     draws = drawn(at_one, uncertain, blocks, seed) if uncertain else None
     at_one = at_one if draws is None else list(draws.scenes)
@@ -724,6 +720,17 @@ def _check_scene(scene):
     for sentence in implausible_sizes(checks.instance("scene", scene, Scene).block):
         # The search for intensities may take minutes, and end without any.
         warnings.warn(sentence, stacklevel=3)
+
+
+def _blocks_of_a_motion(blocks, uncertain, motions):
+    """Return the number of blocks that are drawn for each of some number of motions, after a check."""
+    if blocks is None:
+        return -(-BLOCKS // motions)
+    if not uncertain:
+        raise ValueError(checks.refusal("blocks", blocks, "nothing without uncertain values, as no block is drawn"))
+    if motions == 1 and checks.count("blocks", blocks) < FEWEST_RECORDS:
+        raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST_RECORDS} for one motion"))
+    return checks.count("blocks", blocks)
 
 
 def _mass_and_friction(mass, friction):
