@@ -48,8 +48,8 @@ class BandNoise:
 
     With independent frequencies it is Shinozuka noise (paper eq. 4). The number of frequencies that move the block then
     differs between the realizations, and so does their strength. With few harmonics, small probabilities of overturning
-    are therefore too large: by a factor of 2 to 20 with 100 harmonics. Stratified frequencies, with Gaussian
-    amplitudes, make the noise Gaussian with the band's spectrum as long as there are `enough_harmonics`.
+    may therefore be several times too large. Stratified frequencies, with Gaussian amplitudes, make the noise Gaussian
+    with the band's spectrum as long as there are `enough_harmonics`.
 
     Parameters
     ----------
