@@ -115,8 +115,8 @@ def _harmonics(result):
         )
     return (
         f"The frequencies of the {noise.harmonics} harmonics are drawn independently, so realizations differ in "
-        "strength. A probability as small as this may then be larger than under Gaussian noise, even several times: take "
-        'frequencies = "stratified" unless independent frequencies are meant.'
+        "strength. A probability as small as this may then be larger than under Gaussian noise, even several times: "
+        'take frequencies = "stratified" unless independent frequencies are meant.'
     )
 
 
