@@ -143,7 +143,7 @@ def test_without_a_fit_there_are_ratios_and_no_limits():
 def test_a_ratio_of_rates_without_limits_says_why(both):
     made = Designs(both.studies)
     made.__dict__["ratios"] = [both.ratios[0]._replace(rate_low=math.nan, rate_high=math.nan)]
-    reason = "times (no limits, as the intensities that stand for the motions' rates are not lognormal)."
+    reason = "times (no limits, as the intensities that represent the motions' rates are not lognormal)."
     assert made.sentences[0].endswith(reason)
     assert "no limits" not in both.sentences[0]
 

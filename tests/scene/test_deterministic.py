@@ -166,7 +166,7 @@ def test_the_command_line_says_what_happens(tmp_path, capsys):
     seconds = FALL.block.dimensions.seconds(2 * FALL.period)
     answer = f"P(overturned) = 1 (one path), after 2 cycles ({seconds:.4g} s)"
     assert text.startswith(f"{answer}\nMonte Carlo exact, one path: no noise, {outcome}\n")
-    assert "trust: ok. Deterministic: one path, exact to rounding" in text
+    assert "trust: ok. Deterministic: one path, exact but for rounding errors" in text
     page = (tmp_path / "fall.html").read_text(encoding="utf-8")
     assert outcome in page
     assert "95 %" not in page
