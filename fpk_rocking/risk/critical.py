@@ -311,8 +311,8 @@ def critical_intensities(
     """Find at which intensities of each motion a block overturns without noise.
 
     From uplift on, the logarithm of the intensity is scanned in steps of 0.04, and of 0.01 beside intensities that
-    overturn the block or reach an eighth of the angle of overturning; changes are bisected to 0.001. Outcomes are a
-    fractal: intervals narrower than 0.01 may be missed.
+    overturn the block or reach an eighth of the angle of overturning; changes are bisected to 0.001. From the first
+    change to the critical intensity the steps are 0.0025. Outcomes are a fractal: narrower intervals may be missed.
 
     Parameters
     ----------

@@ -8,7 +8,8 @@ The function is a fractal: of the intervals that a scan five times as fine shows
 four in five are narrower than `FINE`, and two in five of all are missed. They change the mean of the probability by
 .001, for those of overturning and those of standing balance. But the lowest scale at which a motion overturns falls on
 and on as the scan gets finer; taken for the capacity it makes a rate 1.8 to 2 times as large. So the critical scale is
-that from which the block overturns over a part of `FINE` at least (1.2 times; benchmarks/critical_search.py).
+that from which the block overturns over a part of `FINE` at least (1.2 times; benchmarks/critical_search.py), at all
+scales of a scan in steps of `SOLID`.
 """
 
 import math
@@ -30,6 +31,10 @@ COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
 twice. Intervals wider than FINE are met but for 11 and 14 in 1,000, for two blocks: what CALM hides, and rounding."""
 
 
+SOLID = FINE / 4.0
+"""Step of the scan up to the critical scale: no interval of standing as wide as this counts as one of overturning."""
+
+
 SETTLED, FARTHEST = 2.0, 1000.0
 """A search without an end of its own goes on until a block overturns at all scales of the coarse scan over a factor of
 SETTLED, and no farther than FARTHEST times the scale that lifts it off."""
@@ -49,14 +54,36 @@ def jumps(paths: ScaledPaths, low: float, high: float, settled: float = math.inf
     own = paths(asked)
     scales, outcomes = _until_settled(paths, scales, settled, asked[~own.overturned].max(initial=low))
     scales, outcomes = _split(paths, scales, outcomes, FINE)
+    scales, outcomes = _scan_to_critical(paths, scales, outcomes)
     asked, places = np.unique(asked, return_index=True)
     # Beyond the scan all overturn, as these do.
     new = (asked < scales[-1]) & ~np.isin(asked, scales)
     scales, outcomes = _inserted(scales, outcomes, asked[new], Outcomes(*(column[places[new]] for column in own)))
-    scales, outcomes = _split(paths, scales, outcomes, math.inf)
+    return _changes(*_split(paths, scales, outcomes, math.inf))
+
+
+def _changes(scales, outcomes):
+    """Return the scales at which outcomes change, ascending: the first, third, ... to overturning."""
     over = outcomes.overturned
     middles = np.sqrt(scales[1:] * scales[:-1])[over[1:] != over[:-1]]
-    return np.append(low, middles) if over[0] else middles
+    return np.append(scales[0], middles) if over[0] else middles
+
+
+def _scan_to_critical(paths, scales, outcomes):
+    """Return scales and outcomes with others between them, SOLID apart from the first jump to where FINE overturns.
+
+    Two scales of the scan may lie in slivers of overturning, with others of standing between them.
+    """
+    while True:
+        scales, outcomes = _split(paths, scales, outcomes, math.inf)
+        begins = _changes(scales, outcomes)[:1]
+        end = first_scale(_changes(scales, outcomes)[None])[0] * math.exp(FINE)
+        inside = (scales[1:] > begins.min(initial=math.inf)) & (scales[:-1] < end)
+        split = inside & (np.diff(np.log(scales)) > SOLID * (1.0 + 1e-9))
+        if math.isinf(end) or not split.any():
+            return scales, outcomes
+        middles = np.sqrt(scales[1:] * scales[:-1])[split]
+        scales, outcomes = _inserted(scales, outcomes, middles, paths(middles))
 
 
 def _split(paths, scales, outcomes, finest):

@@ -195,6 +195,16 @@ def test_outcomes_where_they_are_asked_for_are_those_of_paths():
         np.testing.assert_array_equal(found.overturned[0], ScaledPaths(shaken)(scales).overturned)
 
 
+def test_the_block_overturns_all_over_the_first_hundredth_from_the_critical_intensity():
+    """At 120 scales that the search has not seen; by a scan of 1 % alone at 20 and 51 % of them under two motions."""
+    block = Scene.from_block(0.5, 1.8, "0.3 g", "1.5 Hz")
+    motions = [synthetic_records(20, duration=10.0, seed=3)[number] for number in (0, 15, 16)]
+    suite = critical_intensities(block, motions, measure="PGA")
+    for shaken, factor in zip(suite.scenes, suite.factor, strict=True):
+        shares = ScaledPaths(shaken)(factor * np.exp(np.linspace(7e-4, 9.3e-3, 120))).overturned
+        assert shares.mean() > 0.9
+
+
 def test_a_motion_overturns_at_its_own_strength_if_it_is_said_to():
     """A record as it was recorded, seen from the intensity 1: the scan alone misses the interval."""
     block = Scene.from_block(0.4, 1.8, "0.3 g", "1.5 Hz")
