@@ -286,6 +286,7 @@ def cases_of(options):
     from fpk_rocking.studies.scenes import varied
 
     scenes, records = [scene_of(options, path) for path in options.scenes], options.records or ()
+    check_noise_kept(options, scenes)
     name, depth, azimuth = options.name or "rocking_block", options.depth, options.azimuth
     refused = (
         (options.synthetic and records, "synthetic", "nothing beside --records"),
@@ -295,6 +296,7 @@ def cases_of(options):
             "motions for several blocks (or --synthetic)",
         ),
         (len(scenes) > 1 and options.name, "name", "one scene; several blocks have the names of their files"),
+        (len(scenes) > 1 and options.mass, "mass", "one scene, as several blocks have masses of their own"),
         (azimuth is not None and not records, "azimuth", "together with --records"),
         (azimuth is not None and options.component, "component", "nothing beside --azimuth"),
         (azimuth is not None and options.ground, "azimuth", "without --ground, whose motions are not turned"),
@@ -317,6 +319,12 @@ def cases_of(options):
         return [(*pair, motions[0]) for pair in zip(names, scenes, strict=True)], ()
     across = varied(scenes[0], "width", in_units("--depth", _setting(f"depth={depth}")[1], "length"))
     return [(f"{name}_width", scenes[0], motions[0]), (f"{name}_depth", across, motions[1])], turns
+
+
+def check_noise_kept(options, scenes):
+    """Raise ValueError for --keep-noise where no scene has noise."""
+    if options.keep_noise and all(scene.noise.kind == "none" for scene in scenes):
+        raise ValueError("--keep-noise: got scenes without noise, accepted: with [noise] in the scene")
 
 
 def events_of(options, records):
@@ -384,6 +392,7 @@ def shaken_scenes(options):
     from fpk_rocking.risk.motions import recorded_scenes, unused_forcing_text
 
     scenes = [scene_of(options, path) for path in options.scenes]
+    check_noise_kept(options, scenes)
     if options.records and len(scenes) > 1:
         raise ValueError(f"--records: got {len(scenes)} scenes, accepted: one, which gives block and noise")
     for name, value in passed(options, "units", "interval", "component", "ground", "building", "vertical").items():

@@ -167,7 +167,7 @@ def drifting(forcing: Forcing) -> list[Diagnostic]:
         return []
     drift = forcing.drift
     sentence = (
-        f"{forcing.source or 'The record'} drifts: its PGV is {drift.pgv:.3g} m/s as recorded, but "
+        f"{forcing.drift_source or 'The record'} drifts: its PGV is {drift.pgv:.3g} m/s as recorded, but "
         f"{drift.corrected_pgv:.3g} m/s without {_line_of(drift)} and without frequencies below "
         f'{forcing.corner_hz:.3g} Hz. Take baseline = "high-pass" (--baseline high-pass).'
     )

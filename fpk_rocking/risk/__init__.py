@@ -11,6 +11,7 @@ turns two components into a block's plane;
 programs. ``calibrated`` fits a block to tests in which it overturned or stood.
 """
 
+from fpk_rocking.risk.anchor import Hold, hold
 from fpk_rocking.risk.calibration import Calibration, calibrated
 from fpk_rocking.risk.critical import CriticalIntensities, critical_intensities
 from fpk_rocking.risk.curves import Fragility, fragility
@@ -36,6 +37,7 @@ __all__ = [
     "FloorMotion",
     "Fragility",
     "Hazard",
+    "Hold",
     "Intensities",
     "IntensityCurve",
     "Ranking",
@@ -47,6 +49,7 @@ __all__ = [
     "critical_intensities",
     "drawn",
     "fragility",
+    "hold",
     "in_plane",
     "intensities",
     "ranked",

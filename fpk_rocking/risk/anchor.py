@@ -49,7 +49,7 @@ def hold(block: Block, acceleration: float) -> Hold:
     Examples
     --------
     >>> from fpk_rocking import Block, Dimensions
-    >>> from fpk_rocking.risk.anchor import hold
+    >>> from fpk_rocking.risk import hold
     >>> print(hold(Block(dimensions=Dimensions(width=0.5, height=2.0)), 0.5 * 9.80665))
     Hold(top=0.125, edge=0.5)
     """

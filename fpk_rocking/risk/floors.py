@@ -98,6 +98,10 @@ class FloorMotion(Record):
         return self.ground_record.drift if self.building or self.ground_record.drifts else super().drift
 
     @property
+    def drift_source(self) -> str:
+        return self.ground_source if self.building or self.ground_record.drifts else self.source
+
+    @property
     def drifts(self) -> bool:
         return self.ground_record.drifts or (not self.building and super().drifts)
 
@@ -112,6 +116,10 @@ class FloorMotion(Record):
         if not 0.1 * ground <= floor <= 20.0 * ground:
             pair = f"The peak of {self.source or 'a floor'} is {floor:.3g} m/s², that of its ground {ground:.3g} m/s²"
             sentences.append(f"{pair} ({self.ground_source}): are units and order of the files right?")
+        lasting = [record.interval * (len(record.samples) - 1) for record in (self, self.ground_record)]
+        if max(lasting) > 1.1 * min(lasting):
+            pair = f"{self.source or 'A floor'} lasts {lasting[0]:.4g} s, its ground, {self.ground_source}, "
+            sentences.append(f"{pair}{lasting[1]:.4g} s: is the order of the files right?")
         if not same_place(self.event, self.ground_event):
             said = f"({self.event}; {self.ground_event}): is their order right?"
             files = f"The files of {self.source} and of its ground, {self.ground_source},"

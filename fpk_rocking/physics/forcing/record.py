@@ -23,6 +23,10 @@ _REMEDY = "A unit is given by units (--units); one that the file states has to b
 _UNSIZED = "block.dimensions: missing, required for a forcing of kind 'record', which is in seconds"
 
 
+_FILLS = 10.0 ** np.arange(3, 10) - 1.0
+"""Sizes by which files mark missing samples: 999, 9999, ..."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Record(TransientForcing):
     """Recorded acceleration of the base, linear between equally spaced samples and 0 after the last one.
@@ -166,6 +170,7 @@ class Record(TransientForcing):
             accepted |= {"interval": "the seconds between two samples"} if not step else {}
             lacks = [f"forcing.{key}: missing, {says} does not say it, accepted: {accepted[key]}" for key in accepted]
             raise ValueError(f"{'; '.join(lacks)} (in a shell --{' and --'.join(accepted)})")
+        _refuse_filled(found.values, file)
         values = -found.values if upright and found.downward else found.values
         samples, note = tuple(values.tolist()), " ".join(found.sentences)
         # Where one was chosen, a table of motions says which.
@@ -378,6 +383,11 @@ class Record(TransientForcing):
         return [*vertical.implausible, said]
 
     @property
+    def drift_source(self) -> str:
+        """Source of the samples that `drift` is of."""
+        return self.source
+
+    @property
     def drifts(self) -> bool:
         """Whether the base's velocity is that of a drift, see `Drift`, and does not end near 0.
 
@@ -462,6 +472,16 @@ def check_baseline(name: str, value: str) -> str:
         kind = ValueError if isinstance(value, str) else TypeError
         raise kind(checks.refusal(name, value, " or ".join(map(repr, BASELINES))))
     return value
+
+
+def _refuse_filled(values, file):
+    """Raise ValueError for samples (n,) of a `file` of which some are 999, -9999 and the like, 50 times all others."""
+    sizes = np.abs(values)
+    filled = np.isin(sizes, _FILLS) & (sizes > 50.0 * np.max(sizes, where=~np.isin(sizes, _FILLS), initial=0.0))
+    if filled.any():
+        place = int(filled.argmax())
+        got = f"got {values[place]:g} as sample {place + 1} of the file {str(file)!r}"
+        raise ValueError(f"forcing.samples: {got}, which may stand for a missing one, accepted: a file without such")
 
 
 def _unit(text):
