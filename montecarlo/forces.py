@@ -82,15 +82,15 @@ class ContactForces:
 
     @property
     def headline(self) -> str:
-        """One sentence: friction below which the block slides before it rocks, and friction that rocking needs."""
+        """Two sentences: friction below which the block slides before it rocks, and friction that rocking needs."""
         needed, count = self.needed, len(self.needed)
-        typical = f" (median of {count:,} paths {np.median(needed):.3g})" if count > 1 else ""
+        typical = f" in the worst of {count:,} paths and {np.median(needed):.3g} in the median one" if count > 1 else ""
         floor = f"the normal force falls to {self.least.min():.3g} of the weight"
         if np.isinf(needed.max()):
             floor = f"the corner leaves the floor in {np.count_nonzero(np.isinf(needed)):,} of {count:,} paths"
         return (
-            f"A block with a friction coefficient below {self.scene.block.least_friction:.3g} slides before it rocks; "
-            f"at the sampled times rocking needs up to {needed.max():.3g}{typical}, and {floor}."
+            f"A block with a friction coefficient below {self.scene.block.least_friction:.3g} slides before it rocks. "
+            f"At the sampled times rocking needs a coefficient of {needed.max():.3g}{typical}, and {floor}."
         )
 
     def __str__(self):

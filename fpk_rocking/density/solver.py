@@ -89,8 +89,8 @@ def solve_fpk(
         estimated error of the chosen noise replacement is above 3 `tol`, a third of it is aimed at instead, up to .01.
     bins_tol : float, optional
         Wanted error of the binned density (L1), above 0; a bin is a twentieth of the range in which the block moves.
-        With inf the mesh is refined for survival alone. By default √tol / 3, which is for the verdict only if the
-        scene does not repeat.
+        With inf the mesh is refined for survival alone. By default √tol / 3. If the scene does not repeat, this default
+        decides about the verdict alone, and the mesh is refined for survival.
     noise_replacement : {"auto", "white", "exponential", "filtered"}
         What replaces band noise: white noise of equal Melnikov variance, under which no block comes to rest, or
         exponential or low-pass noise of equal variance and Melnikov variance, under which blocks do. By default the

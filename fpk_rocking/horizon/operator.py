@@ -217,7 +217,7 @@ class CycleOperator(Result, LinearOperator):
 
     @property
     def mean_cycles(self) -> float:
-        """Mean number of the cycle, from 1, in which a block distributed like `quasi_stationary` overturns.
+        """Mean index (1, 2, ...) of the cycle in which a block distributed like `quasi_stationary` overturns.
 
         The cycle of overturning counts as a whole one: the mean time by `mean_cycles_map` is about half a cycle less.
         """

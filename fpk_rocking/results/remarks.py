@@ -17,7 +17,7 @@ from fpk_rocking.scene.units import STANDARD_GRAVITY
 RARE = 0.05
 """Probability of overturning below which the number of harmonics of band noise may change it by a factor."""
 
-UNCHECKED = "Replaced, not checked: the errors stated here do not contain the error by the replacement of the noise."
+UNCHECKED = "Replaced, not checked: what replacing the noise changes is not contained in the errors stated here."
 
 
 def scene_text(scene: Scene) -> str:

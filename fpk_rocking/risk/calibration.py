@@ -3,7 +3,8 @@
 Two tests of one block under nearly one motion may end differently, so a block that reproduces all outcomes does not
 exist. Each test therefore has a block of its own. Its critical angle is lognormal about that of the tested block: its
 median μ and its dispersion σ are fitted. Its frequency parameter p, restitution e and, where it has one, offset of the
-centre of mass are normal about those of the tested block, with one standard deviation in quantiles of their priors.
+centre of mass scatter about those of the tested block: measured by their quantiles (0 to 1) in their priors, they are
+normal, with one standard deviation.
 With the share λ of outcomes that the model has nothing to do with,
 
     P(overturned under motion i) = λ/2 + (1 - λ) ∫∫ O_i(α, p', e') N(ln α; ln μ, σ²) k(p', e' | p, e) d ln α d(p', e'),
@@ -121,7 +122,7 @@ class Calibration(Result):
     counted : ndarray of bool, shape (n,)
         Tests that the posterior takes into account.
     spread : float
-        Standard deviation of the drawn parameters from test to test, in quantiles of their priors.
+        Standard deviation from test to test of each drawn parameter, measured by its quantile (0 to 1) in its prior.
     overturning : float
         Angle of overturning, in critical angles.
     wall_s : float
@@ -407,8 +408,8 @@ def calibrated(
 ) -> Calibration:
     """Fit a block to tests: in which of them it overturned.
 
-    Each motion shakes `draws` blocks at up to 25 critical angles. An angle whose neighbours have the same outcome is
-    taken to have it too.
+    Each motion shakes `draws` blocks at up to 25 critical angles. If an angle lies between two that have the same
+    outcome, its outcome is not computed but taken as theirs.
 
     Parameters
     ----------
@@ -424,7 +425,8 @@ def calibrated(
     draws : int
         Number of blocks that differ in frequency parameter and restitution, a power of 2.
     spread : float
-        Standard deviation of these two, and of the offset, from test to test, in quantiles of their priors.
+        Standard deviation from test to test of these two and of the offset, each measured by its quantile (0 to 1) in
+        its prior.
     overturning : float
         Angle of overturning, in critical angles.
     seed : int

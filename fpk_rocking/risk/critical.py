@@ -50,7 +50,7 @@ def critical_text(measure: str) -> str:
         f"this can change the outcome at one {measure}, but hardly the rate. P(overturned) is the share of the "
         f"motions that overturn the block at a {measure}; a motion under which the block stands again above its "
         f"critical {measure} does not count there. A lognormal fit takes each motion at its equivalent {measure}: the "
-        f"one threshold above which it would overturn the block over the same total range of ln({measure})."
+        f"threshold above which overturning at all intensities would cover the same total length of ln({measure})."
     )
 
 
@@ -281,10 +281,11 @@ def factor_diagnostics(factor: Array, always: Array | None = None) -> list[Diagn
     if not far.size:
         return []
     far_always = 0 if always is None else int((always > LARGEST_FACTOR).sum())
-    more = f"; for it to overturn at all higher factors too, {far_always} must" * (far_always > far.size)
+    more = f" For {far_always} of {factor.size} the factor from which it always overturns is above {LARGEST_FACTOR:g}."
+    more *= far_always > far.size
     sentence = (
         f"{far.size} of {factor.size} motions must be scaled by more than {LARGEST_FACTOR:g}, up to {far.max():.3g}, "
-        f"to overturn the block{more}. Common advice is to scale a record by 4 or 5 at most "
+        f"to overturn the block.{more} Common advice is to scale a record by 4 or 5 at most "
         "(reviewed by Bommer and Acevedo, J. Earthquake Eng. 8(S1), 43-91, 2004): strong motions differ from weak ones "
         "in frequency content and duration, which no factor changes. Take stronger records."
     )
@@ -330,7 +331,7 @@ def critical_intensities(
     cycles, times
         As for `montecarlo.simulate`: overturning counts until the last of them.
     workers, store, progress
-        As for `fpk_rocking.studies.sweep`, with a motion for a scene.
+        As for `fpk_rocking.studies.sweep`. Each scene of it is here one motion.
 
     Returns
     -------

@@ -122,9 +122,9 @@ class Hazard:
             Two columns, separated by commas, semicolons, tabs or blanks; except with commas, numbers may have decimal
             commas. Lines that begin with ``#`` are comments. The first line, or a comment, may name the columns, in
             any order: an intensity with its unit, and an annual rate, a return period in years, or a probability with
-            its time, as in ``PGA (g),return period (years)`` or ``PGV (cm/s),probability in 50 years``. Without names
-            they are an intensity in the unit of the curve, of the measure of a comment, and an annual rate. Or a hazard
-            curve of OpenQuake (``lon,lat,depth,poe-...``), whose comment names measure and time.
+            its time, as in ``PGA (g),return period (years)`` or ``PGV (cm/s),probability in 50 years``. Columns without
+            names are taken as intensity, in the unit of the curve, and annual rate; a comment may then name the measure
+            alone. Or a hazard curve of OpenQuake (``lon,lat,depth,poe-...``), whose comment names measure and time.
         site : str or int, optional
             For a file of OpenQuake with several sites: "lon,lat" in degrees, or the number of its line, from 1.
 

@@ -212,9 +212,9 @@ def ranked(fragility: Any, which: int = 0) -> list[Ranking]:
     Returns
     -------
     list of Ranking
-        Named tuples: `measure`, `deviance`, `median`, `dispersion`, the best first. Measures are left out that a scene
-        does not have, that determine no curve, or that are another one in other units, as p PGV/(g tan θ_cr) is for
-        motions of one block.
+        Named tuples: `measure`, `deviance`, `median`, `dispersion`, the best first. A measure is left out if a scene
+        lacks it, if the outcomes over it determine no curve, or if it is proportional to another one, as
+        p PGV/(g tan θ_cr) is to PGV under motions of one block.
 
     Examples
     --------
@@ -331,10 +331,15 @@ def outcomes_text(scale: Array, curve: Array) -> str:
     over = curve == 1.0
     if not over.any():
         return f"it happens at none of the {over.size} scales"
-    not_over = np.flatnonzero(~over)
+    first, not_over = over.argmax(), np.flatnonzero(~over)
     always = not_over[-1] + 1 if not_over.size else 0
-    last = f", at all of these from {scale[always]:.4g} on" if always < over.size else ""
-    return f"of {over.size} scales it happens at {over.sum()}, the lowest of them {scale[over.argmax()]:.4g}{last}"
+    text = f"it happens at {over.sum()} of {over.size} scales"
+    if over.sum() == 1:
+        return f"{text}: {scale[first]:.4g}"
+    if always == first:
+        return f"{text}: from {scale[first]:.4g} on"
+    last = f", and at all from {scale[always]:.4g} on" if always < over.size else ""
+    return f"{text}: first at {scale[first]:.4g}{last}"
 
 
 def limits_text(interval: tuple[float, float]) -> str:

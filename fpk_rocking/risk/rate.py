@@ -207,12 +207,12 @@ class Risk(Result):
             through = "the lognormal curve"
         else:
             through = "the points, joined by lines"
-        at_once = "all probabilities at their lower, or all at their upper limits, as there is no fit"
-        by = "by the lognormal curve" if self.curve.fitted else at_once
-        by = "by the rates under single motions" if self.capacities else by
-        limits = f"; the limits ({by}) contain the sampling of {sampled}" * bool(sampled)
+        at_once = "with all probabilities at their lower, or all at their upper limits, as there is no fit"
+        by = "from the lognormal curve" if self.curve.fitted else at_once
+        by = "from the rates under single motions" if self.capacities else by
+        limits = f" The limits are computed {by}; they contain the uncertainty from finite samples of {sampled}."
         text = (
-            f"{self.title}{self._periods}. Computed from {through}{limits}. "
+            f"{self.title}{self._periods}. Computed from {through}.{limits * bool(sampled)} "
             "The hazard and the model of the block are taken as known."
         )
         text += f" {self.hazard.note}" * bool(self.hazard.note)

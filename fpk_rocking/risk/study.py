@@ -579,10 +579,10 @@ def study(
     hazard : Hazard, str or pathlib.Path, or None
         In the unit of the measure, or a file that `Hazard.from_csv` reads; with None there is no rate.
     intensities : array_like, optional
-        Points of the curve, in the unit of the measure. By default twelve: from half of the lowest at which a motion
-        overturns the block without noise, to that from which all motions overturn it (except those that never do). With
-        noise and a hazard others are added until they change the rate by less than 1 %. Without noise rate and limits
-        do not depend on them.
+        Points of the curve, in the unit of the measure. By default twelve. The first is half of the lowest intensity at
+        which a motion overturns the block without noise. From the last on all motions overturn it, except those that
+        never do. With noise and a hazard others are added until they change the rate by less than 1 %. Without noise
+        rate and limits do not depend on them.
     measure : str
         As for `fpk_rocking.risk.at_intensity`, that of the hazard.
     ground : sequence of Record, str or pathlib.Path
@@ -611,15 +611,16 @@ def study(
         A label for each record. Records of one label, as the components of one event, count as one motion, with
         the mean of their probabilities. By default two whose files state the same event and station have one label.
     blocks : int
-        Number of blocks drawn for each record, at least five for one record; by default a hundred for all together.
+        Number of blocks drawn for each record, at least five for one record; by default a hundred in all.
     mass : float, optional
-        Mass of the block, kg: forces that hold it are then in N, and stated for the curve if no intensities are given.
+        Mass of the block, kg. Forces that hold it are then in N. If `intensities` are not given, these forces are
+        stated only with a mass, at the intensities of the curve.
     friction : float, optional
         Coefficient of friction below the block, up to 2. The verdict is "do not use" if it slides before it rocks.
     name : str
         Identifier of the block in exported files.
     workers, store, progress
-        As for `fpk_rocking.studies.sweep`, with a motion at an intensity for a scene.
+        As for `fpk_rocking.studies.sweep`. Each scene of it is here one motion at one intensity.
 
     Returns
     -------

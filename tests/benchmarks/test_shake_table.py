@@ -120,7 +120,7 @@ def phrases():
     """What the text of the page says in numbers."""
     area, variants = "area under the ROC", "sensitivity"
     main, both = benchmark.MAIN, "logistic, PGA and PGV/PGA"
-    yield f"draws of frequency parameter and restitution is {pair(lambda row: row['effective draws'], 0)}."
+    yield f"of frequency parameter and restitution count like {pair(lambda row: row['effective draws'], 0)} equally"
     yield f"is {pair(lambda row: row['scores'][main]['z of the sum'], 1)} standard deviations from"
     yield f"{pair(lambda row: row['wrong'], 0)} of 238 are predicted wrongly"
     yield f"its area under the ROC curve is {pair(lambda row: row[area]['PGV'], 3)}, against"

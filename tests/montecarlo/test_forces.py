@@ -117,8 +117,9 @@ def test_the_sentence_and_the_probability_of_sliding():
     assert part == pytest.approx([1.0, 30 / 40, 0.0])
     assert error == pytest.approx([0.0, math.sqrt(0.75 * 0.25 / 40), 0.0])
     assert isinstance(forces.sliding(0.3)[0], float)
-    assert str(forces).startswith("A block with a friction coefficient below 0.278 slides before it rocks; at the ")
-    assert f"up to {forces.needed.max():.3g} (median of 40 paths {np.median(forces.needed):.3g})" in str(forces)
+    assert str(forces).startswith("A block with a friction coefficient below 0.278 slides before it rocks. At the ")
+    worst, median = forces.needed.max(), np.median(forces.needed)
+    assert f"of {worst:.3g} in the worst of 40 paths and {median:.3g} in the median one, and" in str(forces)
     assert f"falls to {forces.least.min():.3g} of the weight" in str(forces)
     lifted = dataclasses.replace(forces, normal=forces.normal - forces.least.min())
     assert np.isinf(lifted.needed).sum() == 1

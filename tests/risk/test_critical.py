@@ -128,7 +128,8 @@ def test_a_large_factor_is_a_caution():
         "1 of 3 motions must be scaled by more than 5, up to 7.3, to overturn the block. Common"
     )
     (caution,) = factor_diagnostics(np.array([0.5, 7.3, math.inf]), np.array([6.0, 9.0, math.inf]))
-    assert "to overturn the block; for it to overturn at all higher factors too, 3 must. Common" in caution.message
+    always = "to overturn the block. For 3 of 3 the factor from which it always overturns is above 5. Common"
+    assert always in caution.message
 
 
 def test_files_hold_it(suite, tmp_path):

@@ -77,7 +77,8 @@ def test_limits_are_those_of_the_replicates_and_what_lies_beyond_is_told():
     points = annual_frequency(
         dataclasses.replace(curve_of(2.0), fit=LognormalFit(reason="left out")), Hazard.power_law(1e-3, 0.5)
     )
-    assert "(all probabilities at their lower, or all at their upper limits, as there is no fit)" in points.sentences[0]
+    limits = "computed with all probabilities at their lower, or all at their upper limits, as there is no fit; they"
+    assert limits in points.sentences[0]
     assert "the fragility, where a lognormal curve of dispersion 0.5 is used below, the last " in points.sentences[1]
     assert [diagnostic.kind for diagnostic in risk.diagnostics if diagnostic.severity] == ["the hazard curve"]
     assert risk.rate_error == pytest.approx(math.log(risk.interval[1] / risk.interval[0]) / (2 * 1.96))
@@ -208,13 +209,14 @@ def test_limits_without_noise_are_of_the_rates_under_single_motions():
     drawn = np.quantile(1e-3 * np.exp(-2.0 * middle + 2.0 * spread**2), [0.025, 0.975])
     # 20,000 draws of a long tail.
     assert np.log(risk.interval) == pytest.approx(np.log(drawn), abs=0.04 * math.log(drawn[1] / drawn[0]))
-    assert "; the limits (by the rates under single motions) contain the sampling of records. " in risk.sentences[0]
+    limits = "limits are computed from the rates under single motions; they contain the uncertainty from finite samples"
+    assert f". The {limits} of records. " in risk.sentences[0]
     # Where thresholds are of two groups, far apart, they are those of the outcomes.
     groups = np.repeat([0.2, 2.0], [10, 10]) * np.tile([1.0, 1.1], 10)
     two = {"fit": LognormalFit(reason="two"), "units": 20, "records": 20}
     parted = dataclasses.replace(curve_of(), jumps=groups[:, None, None], **two)
     assert annual_frequency(parted, law).capacities is None
-    assert "(all probabilities at their lower, or all" in annual_frequency(parted, law).sentences[0]
+    assert "computed with all probabilities at their lower, or all" in annual_frequency(parted, law).sentences[0]
 
 
 def test_limits_with_noise_are_of_the_rates_under_single_motions():

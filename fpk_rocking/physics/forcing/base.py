@@ -153,7 +153,7 @@ class Forcing(abc.ABC):
         return np.ones(len(times))
 
     def lifting(self, level: float) -> float:
-        """Largest |f| over the |f| at which a block of the weight mg lifts off, less a_v/g: up to 1 it rests."""
+        """Largest |f| / `level` - a_v/g; up to 1 a block that lifts off at |f| = `level` with the weight mg rests."""
         return self.largest / level
 
     @abc.abstractmethod
