@@ -122,7 +122,7 @@ def _draw(path, operator, quiet, ensemble, estimate):
 def report(values):
     """Print the long run."""
     print(f"Escape rate {values['escape_rate']:.6f} a cycle, relative error estimate {values['escape_error']:.1e}")
-    print(f"Mean number of the cycle of overturning {values['mean_cycles']:.2f}")
+    print(f"Mean index (from 1) of the cycle of overturning {values['mean_cycles']:.2f}")
     print(f"A start is forgotten by a factor e in {values['forgetting_cycles']:.2f} cycles")
     for cycles, (survival, error) in values["survival"].items():
         print(f"S({cycles}) = {survival:.6g} ± {error:.1e}")

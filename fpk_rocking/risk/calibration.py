@@ -4,8 +4,7 @@ Two tests of one block under nearly one motion may end differently, so a block t
 exist. Each test therefore has a block of its own. Its critical angle is lognormal about that of the tested block: its
 median μ and its dispersion σ are fitted. Its frequency parameter p, restitution e and, where it has one, offset of the
 centre of mass scatter about those of the tested block: measured by their quantiles (0 to 1) in their priors, they are
-normal, with one standard deviation.
-With the share λ of outcomes that the model has nothing to do with,
+normal, with one standard deviation. With the share λ of outcomes that the model has nothing to do with,
 
     P(overturned under motion i) = λ/2 + (1 - λ) ∫∫ O_i(α, p', e') N(ln α; ln μ, σ²) k(p', e' | p, e) d ln α d(p', e'),
 
