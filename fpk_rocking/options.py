@@ -296,7 +296,7 @@ def cases_of(options):
             "motions for several blocks (or --synthetic)",
         ),
         (len(scenes) > 1 and options.name, "name", "one scene; several blocks have the names of their files"),
-        (len(scenes) > 1 and options.mass, "mass", "one scene, as several blocks have masses of their own"),
+        (len(scenes) > 1 and options.mass, "mass", f"one scene, not {len(scenes)}"),
         (azimuth is not None and not records, "azimuth", "together with --records"),
         (azimuth is not None and options.component, "component", "nothing beside --azimuth"),
         (azimuth is not None and options.ground, "azimuth", "without --ground, whose motions are not turned"),
@@ -324,7 +324,7 @@ def cases_of(options):
 def check_noise_kept(options, scenes):
     """Raise ValueError for --keep-noise where no scene has noise."""
     if options.keep_noise and all(scene.noise.kind == "none" for scene in scenes):
-        raise ValueError("--keep-noise: got scenes without noise, accepted: with [noise] in the scene")
+        raise ValueError("--keep-noise: got scenes without noise, accepted: scenes with [noise]")
 
 
 def events_of(options, records):

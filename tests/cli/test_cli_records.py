@@ -149,6 +149,11 @@ def test_a_scene_file_takes_the_same_keys(tmp_path):
         (["--records", "one.AT2", "--hazard", "."], "hazard: '.' cannot be read (Is a directory)"),
         ([], "rack.toml: forcing: missing, required: [forcing], or recorded motions in its place (--records)"),
         (["--mass", "400 kg"], "argument --mass: got '400 kg', accepted: a number without a unit"),
+        (
+            ["rack.toml", "--synthetic", "5", "--mass", "400"],
+            "--mass: got 400.0, accepted: one scene, not 2",
+        ),
+        (["--synthetic", "5", "--keep-noise"], "--keep-noise: got scenes without noise, accepted: scenes with [noise]"),
         (["--seed", "1.5"], "argument --seed: got '1.5', accepted: a whole number"),
         (["--records", "one.AT2", "--intensities", "0,1"], "intensities[0]: got 0.0, accepted: a finite number > 0.0"),
     ],

@@ -13,6 +13,7 @@ from suites import SIZE, record
 from test_spectra import oscillator
 
 from fpk_rocking import Block, NoNoise, Record, Scene, cli
+from fpk_rocking.results.remarks import drifting
 from fpk_rocking.risk import (
     Building,
     Designs,
@@ -146,6 +147,18 @@ def test_a_ground_motion_whose_file_says_another_event_is_told():
     on_floor = recorded_scenes(BLOCK, floors[:1], building=BUILDING)[0]
     assert on_floor.forcing.ground_record.event == floors[0].event
     assert on_floor.forcing.implausible == []
+
+
+def test_a_drift_is_said_of_the_file_that_drifts_and_unequal_durations_are_told():
+    straight, tilted = (dataclasses.replace(one, source=name) for one, name in zip(GROUND[:2], "ab", strict=True))
+    tilted = dataclasses.replace(tilted, samples=tuple(a + 0.3 for a in tilted.samples))
+    for floor, below in ((straight, tilted), (tilted, straight), (dataclasses.replace(tilted, source="c"), tilted)):
+        (told,) = drifting(recorded_scenes(BLOCK, [floor], ground=[below])[0].forcing)
+        assert told.message.startswith("b drifts: its PGV is ")
+    for count, told in ((1.05, []), (1.2, ["a lasts 7.2 s, its ground, b, 6 s: is the order of the files right?"])):
+        pulse = np.sin(np.linspace(0.0, 40.0, 601))
+        longer = Record(0.01, np.append(pulse, np.zeros(round(600 * (count - 1.0)))), "m/s2", source="a")
+        assert FloorMotion.of(longer, Record(0.01, pulse, "m/s2", source="b")).implausible == told
 
 
 def test_the_baseline_is_that_of_the_ground_before_a_building_and_of_both_where_both_are_recorded():
