@@ -124,7 +124,7 @@ def test_motions_without_noise_under_a_hazard_that_ends():
 
 def test_a_law_that_gives_infinite_rates_is_refused():
     with pytest.raises(
-        ValueError, match=r"^lowest exponent of the hazard: got 132\.9, accepted: less, as its law goes"
+        ValueError, match=r"^lowest exponent of the hazard: got 132\.9, accepted: less, as this power law leads"
     ):
         annual_frequency(curve_of(), Hazard([0.5, 0.51, 2.0], [1e-2, 7.2e-4, 1e-4]))
     steep = annual_frequency(curve_of(0.7, 1.0), Hazard([0.5, 0.6], [1e-2, 1e-3]))
@@ -134,7 +134,7 @@ def test_a_law_that_gives_infinite_rates_is_refused():
 
 def test_a_hazard_of_another_measure_is_refused():
     """That of PGA, taken as one of PGV, gave 7.9e-5 for 2.0e-4 a year."""
-    with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PGV, which the curve is"):
+    with pytest.raises(ValueError, match=r"^measure of the hazard: got 'PGA', accepted: PGV, as for the curve"):
         annual_frequency(curve_of(), Hazard([0.1, 1.0], [1e-2, 1e-4], measure="PGA"))
     # Where the unit is known, no other one is asked for.
     far = {"intensity": 100.0 * np.geomspace(0.02, 6.0, 20), "rate": np.geomspace(1e-1, 1e-6, 20)}

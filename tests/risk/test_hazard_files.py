@@ -206,7 +206,7 @@ def test_a_hazard_curve_that_openquake_exports(tmp_path):
     assert hazard.rate == pytest.approx([*LAW(LEVELS), 0.0], rel=1e-5)
     assert (hazard.measure, hazard.end) == ("PGA", 4.0)
     assert hazard.note.startswith(
-        "It is OpenQuake's PGA at 9.15000,45.16667, from probabilities in 50 years; those of 1"
+        "It is OpenQuake's PGA at 9.15000,45.16667, from probabilities in 50 years; those equal to 1"
     )
     named = read(tmp_path, curves("a,9.15,45.17").replace("lon,", "custom_site_id,lon,").replace("PGA", "PGV"))
     assert named.intensity.tolist() == pytest.approx([0.001, 0.003, 0.01, 0.04])
