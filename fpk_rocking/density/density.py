@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fpk_rocking.base import checks
 from fpk_rocking.base.basis import legendre_basis, locate
 from fpk_rocking.base.checks import Array, ArrayLike
 from fpk_rocking.density.space import Space
@@ -170,6 +171,8 @@ class Density(PlaneFunction):
         angle_power, velocity_power : int
             m and n, at least 0.
         """
+        for name, power in {"angle_power": angle_power, "velocity_power": velocity_power}.items():
+            checks.count(name, power, at_least=0)
         order = self.degree + max(angle_power, velocity_power)
         return self.integral(lambda x, v: x**angle_power * v**velocity_power, order)
 

@@ -193,6 +193,9 @@ class CycleOperator(Result, LinearOperator):
         coefficients : ndarray, shape (angle cells, velocity cells, degree + 1, degree + 1)
             As of a `Density` on the same mesh.
         """
+        if np.shape(coefficients) != self.space.shape:
+            got = f"an array of shape {np.shape(coefficients)}"
+            raise ValueError(checks.refusal("coefficients", got, f"the shape {self.space.shape} of `space`"))
         return self._fine.vector(coefficients)
 
     def density(self, vector: Array) -> Density:

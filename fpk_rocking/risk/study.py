@@ -45,6 +45,7 @@ from fpk_rocking.risk.motions import (
     intensity_of,
     measure_of,
     motion_lines,
+    motion_names,
     motion_table,
     recorded_scenes,
     same_event,
@@ -748,7 +749,11 @@ def _labels(events, scenes):
     count = len(set(labels))
     if len(scenes) > 1 and count < FEWEST_RECORDS:
         got = f"{len(scenes)} of {count} events" if count < len(scenes) else count
-        raise ValueError(f"records: got {got}, accepted: 1, or at least {FEWEST_RECORDS} of different events")
+        names = zip(motion_names(scenes), labels, strict=True)
+        same = [name for name, label in names if labels.count(label) > 1][:FEWEST_RECORDS]
+        why = f"; {', '.join(same)} have the samples, or the event and station, of another one" * (events is None)
+        accepted = f"1, or at least {FEWEST_RECORDS} of different events{why if same else ''}"
+        raise ValueError(f"records: got {got}, accepted: {accepted}")
     return labels
 
 

@@ -5,6 +5,7 @@ All of it is a change of the scene's numbers. A base acceleration a enters as a/
 """
 
 import dataclasses
+import difflib
 import itertools
 import math
 from collections.abc import Mapping
@@ -16,6 +17,9 @@ from fpk_rocking.scene.parts import LENGTHS, Block, Start
 from fpk_rocking.scene.scene import Scene
 from fpk_rocking.scene.text import fields_of
 from fpk_rocking.scene.units import Dimensions
+
+SIZES = "width", "height", "size", "slenderness"
+"""Names of the parameters of a rectangle that `varied` takes beside dotted names."""
 
 
 class Grid(NamedTuple):
@@ -101,8 +105,7 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
     part, _, field = str(name).partition(".")
     if name == "scale":
         return scaled(scene, value)
-    sizes = "width", "height", "size", "slenderness"
-    if name in sizes:
+    if name in SIZES:
         size = dimensions_of(scene, name)
         value = checks.number(name, value, above=0.0)
         if name in {"width", "height"}:
@@ -117,7 +120,7 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
             raise ValueError(checks.refusal("parameter", name, accepted))
         return _with_size(scene, dataclasses.replace(scene.block.body, **{name: value}))
     if part not in {"block", "forcing", "noise", "start", "overturning"} or not field:
-        names = ", ".join(map(repr, (*sizes, *LENGTHS)))
+        names = ", ".join(map(repr, (*SIZES, *LENGTHS)))
         accepted = f"a dotted name of a scene file such as 'forcing.amplitude', 'scale', {names}{meant(scene, name)}"
         raise ValueError(checks.refusal("parameter", name, accepted))
     integer = isinstance(getattr(getattr(scene, part), field, None), int) and float(value).is_integer()
@@ -127,6 +130,7 @@ def varied(scene: Scene, name: str, value: Any) -> Scene:
 def meant(scene: Scene, field: str, suffix: str = "") -> str:
     """Return "; did you mean PART.FIELD?" where a part of a scene has this field, with a suffix; else an empty text."""
     names = [f"{part}.{field}{suffix}" for part, values in fields_of(scene).items() if field in fields_of(values)]
+    names += [f"{name}{suffix}" for name in difflib.get_close_matches(field, (*SIZES, *LENGTHS), n=1)]
     return f"; did you mean {names[0]}?" if names else ""
 
 

@@ -82,6 +82,9 @@ def test_a_cycle_may_be_a_part_of_one(between):
     assert np.array_equal(between.at(2.4).coefficients, between.coefficients[12])
     assert np.array_equal(between.at(1 / 5).coefficients, between.coefficients[1])
     assert between.at(4).moment(0, 0) == pytest.approx(between.survival[-1])
+    for powers, kind in (((-1, 0), ValueError), ((0, 0.5), TypeError)):
+        with pytest.raises(kind, match=r"_power: got .*, accepted: a whole number >= 0"):
+            between.at(4).moment(*powers)
     assert (between.cycles, between.samples_per_cycle) == (CYCLES, SAMPLES)
     assert [between.when(row) for row in (5, 12)] == ["after 1 cycle", "after 2.4 cycles"]
     for cycle in (0.1, 4.2, -0.2, math.nan):

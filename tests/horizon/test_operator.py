@@ -369,6 +369,7 @@ def test_bad_arguments_are_named(operator):
         (TypeError, "cycles", lambda: operator.survival_map("ten")),
         (ValueError, "cycle", lambda: operator.first_passage_map(0)),
         (ValueError, "phase", lambda: operator.survival_map(1, phase=np.nan)),
+        (ValueError, "coefficients", lambda: operator.vector(np.ones(5))),
     ):
         with pytest.raises(error, match=f"^{name}: got"):
             call()

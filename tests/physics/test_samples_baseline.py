@@ -197,14 +197,17 @@ def test_units_and_steps_that_were_typed_wrong_are_named():
     gal = tuple(100.0 * a for a in motion.samples)
     (sentence,) = implausible(scene_of(Record(0.01, gal, "g", scale=1e-3, source="x.txt")))
     assert f"The peak acceleration of x.txt is {G * max(map(abs, gal)):.4g} m/s²" in sentence
-    meant = f"was {max(map(abs, motion.samples)):.4g} m/s² (cm/s²) meant? 1 g is 9.80665 m/s² or 980.665 cm/s²."
+    meant = f"Are its numbers in cm/s², with {max(map(abs, motion.samples)):.4g} m/s²? 1 g is 9.80665 m/s² or "
+    meant += "980.665 cm/s²."
     meant += " A unit is given by units (--units); one that the file states has to be changed in the file."
     assert sentence.endswith(meant)
     (sentence,) = implausible(scene_of(Record(0.01, gal, "m/s2")))
     assert sentence.endswith(meant)
     largest = max(map(abs, motion.samples))
     (sentence,) = implausible(scene_of(Record(0.01, tuple(3.5 * a / largest for a in motion.samples), "g", scale=0.1)))
-    assert "34.32 m/s² (3.5 g); was 3.5 m/s² (m/s²) or 0.035 m/s² (cm/s²) meant? 1 g is" in sentence
+    assert (
+        "34.32 m/s² (3.5 g). Are its numbers in m/s², with 3.5 m/s², or in cm/s², with 0.035 m/s²? 1 g is" in sentence
+    )
     assert implausible(scene_of(Record(0.01, tuple(2.8 * a / largest for a in motion.samples), "g"))) == []
     slow = Record(0.2, tuple(3.0 * a for a in motion.samples), "m/s2", source="y.txt")
     (sentence,) = implausible(scene_of(slow))

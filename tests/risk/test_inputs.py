@@ -58,6 +58,7 @@ def test_draws_are_stratified_and_set_in_their_order():
             {"restitution_factor": "uniform:0.93:1"},
             r"^uncertain: got 'restitution_factor', .*; did you mean block\.restitution_factor\?$",
         ),
+        ({"slendernes_factor": "uniform:0.8:1"}, r"^uncertain: got .*; did you mean slenderness_factor\?$"),
         ({"restitution": "uniform:0.8:1"}, r"^parameter: got 'restitution', .*; did you mean block\.restitution\?$"),
         (
             {"block.restitution": "uniform:0.8:1.2"},

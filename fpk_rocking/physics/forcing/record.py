@@ -319,9 +319,9 @@ class Record(TransientForcing):
         number = drift.pga / UNITS[self.units]
         if 3.0 * UNITS["g"] < drift.pga < math.inf and self.units in ("g", "m/s2"):
             units = ["m/s2"] * (self.units == "g" and number <= 2.0 * UNITS["g"]) + ["cm/s2"]
-            meant = " or ".join(f"{number * UNITS[unit]:.4g} m/s² ({unit.replace('2', '²')})" for unit in units)
+            texts = (f"in {unit.replace('2', '²')}, with {number * UNITS[unit]:.4g} m/s²" for unit in units)
             ones = f"1 g is {UNITS['g']} m/s² or {100.0 * UNITS['g']} cm/s²"
-            sentences.append(f"{peak}; was {meant} meant? {ones}. {_REMEDY}")
+            sentences.append(f"{peak}. Are its numbers {', or '.join(texts)}? {ones}. {_REMEDY}")
         elif 3.0 * UNITS["g"] < drift.pga < math.inf or 0.0 < drift.pga < 1e-3 * UNITS["g"]:
             counts = f"is its unit {self.units}, or are its numbers, up to {number:.4g}, counts?"
             sentences.append(f"{peak}: {counts} {_REMEDY}")
