@@ -28,7 +28,7 @@ from montecarlo.engines.scaled_paths import Outcomes, ScaledPaths
 
 COARSE, FINE, EDGE = 0.04, 0.01, 1e-3
 """Steps of the scan in the logarithm of the scale, and the width to which a jump is bracketed. FINE is COARSE halved
-twice. Intervals wider than FINE are met but for 11 and 14 in 1,000, for two blocks: what CALM hides, and rounding."""
+twice. Intervals wider than FINE are met but for 7 and 11 in 1,000, for two blocks: what CALM hides, and rounding."""
 
 
 SOLID = FINE / 4.0
