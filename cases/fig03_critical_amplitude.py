@@ -3,8 +3,8 @@
 From the critical amplitude on, the Melnikov criterion lets blocks cross the separatrix. Shown are
 
 * (a) the paper's figure: its criterion (14) at e = 0.5, without noise and with σ² = 0.286. Beside it the exact crossing
-  of the manifolds without noise, and the mean square of both parts of the Melnikov process in the place of (14), which
-  adds the peak of the harmonic part to the mean square of the noise,
+  of the manifolds without noise, and a criterion by the mean squares of both parts of the Melnikov process: (14) adds
+  the peak of the harmonic part to the mean square of the noise,
 * (b) criterion (14) for other restitutions,
 * (c) (14) without noise over the exact amplitude: where the first order in 1 - e, A and σ holds,
 * (d) (14) at Ω = 4 against the variance of the noise, for three bands, until the noise alone meets it.

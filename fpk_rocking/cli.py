@@ -9,6 +9,7 @@ import json
 import shlex
 import sys
 import time
+import warnings
 
 from fpk_rocking import console
 from fpk_rocking.options import (
@@ -393,12 +394,14 @@ def _checked(options, density, beside=None):
 def _simulated(options, scene, **samples):
     """Return an `Ensemble` of a scene or, with --tally, a `Tally`."""
     from fpk_rocking.output.tables import reporting
+    from fpk_rocking.results.remarks import describe_replacement
     from montecarlo import simulate, tally
 
-    if options.method == "white":
-        scene = scene.white_equivalent()
-    if options.method == "filtered":
-        scene = scene.filtered_equivalent()
+    if options.method in ("white", "filtered"):
+        sampled = scene.white_equivalent() if options.method == "white" else scene.filtered_equivalent()
+        if said := describe_replacement(scene, sampled):
+            warnings.warn(said, stacklevel=2)
+        scene = sampled
     own = {} if scene.deterministic else {"realizations": 10_000}
     own |= rows_of(options, scene) | samples
     own |= passed(options, "realizations", "seed", "method", "steps_per_cycle", "checkpoint")

@@ -64,14 +64,14 @@ inputs FILE+            a scene (file or name) to solve by both engines, or two 
                         the survival over time
 --report FILE:path      HTML file to write: numbers, verdict, pictures and the density after every cycle
 --json                  print one JSON object instead of a table
---tol X:float           error of survival that the density solver aims at (default 0.001; 0.01 for a pulse, a record,
-                        noise with an envelope, or the command fragility); for the command probability: error of its
-                        answer (default 0.005)
+--tol X:float           wanted error: of the answer of the command probability (default 0.005); elsewhere of survival by
+                        the density solver (default 0.001; 0.01 for a pulse, a record, noise with an envelope, or the
+                        command fragility)
 --rtol X:float          wanted relative error of the probability; if --tol is given too, the larger error is enough
 --limit S:float         longest run time in seconds, without compilation (default 600); a run predicted to take longer
                         is refused
 --bins-tol X:float      error of the binned density (L1) that the density solver aims at (default: a third of the square
-                        root of --tol; for a pulse, a record or noise with an envelope that value only enters the
+                        root of --tol; for a pulse, a record or noise with an envelope this default only enters the
                         verdict); inf accepts any error
 --noise-replacement NAME  noise that replaces band noise in the density solver: white; exponential or filtered, under
                         which blocks can come to rest; or auto (default), the fastest whose estimated error is within

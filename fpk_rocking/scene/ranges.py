@@ -108,6 +108,10 @@ _LARGEST_PHASE = 20.0
 """Phase, in radians, beyond which degrees may have been meant: three turns."""
 
 
+_LARGEST_ANGLE = 20.0
+"""Angle of overturning, in critical angles, beyond which degrees may have been meant."""
+
+
 def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     """Return sentences on sizes and accelerations of a scene that were hardly meant: metres for mm, m/s² for g.
 
@@ -116,6 +120,11 @@ def implausible(scene: Any, least: float = 1.0, most: float = 1.0) -> list[str]:
     size, phase = scene.block.size, getattr(scene.forcing, "phase", 0.0)
     turns = f"forcing.phase is {phase:g} rad; was {math.radians(phase):.4g} meant ({phase:g} degrees)?"
     sentences = [turns] * bool(abs(phase) > _LARGEST_PHASE)
+    # Where the critical angle is known, angles far beyond 90 degrees are refused.
+    if scene.overturning.angle > _LARGEST_ANGLE and not scene.block.critical_angle:
+        sentences.append(
+            f"overturning.angle is {scene.overturning.angle:g} times the critical angle; were degrees meant?"
+        )
     if size is None:
         return sentences
     sentences += implausible_sizes(scene.block)

@@ -113,8 +113,12 @@ def test_options_of_samples(run, option, value):
 
 
 @pytest.mark.parametrize("method", ["white", "filtered"])
-def test_methods_that_replace_the_noise(run, method):
+def test_methods_that_replace_the_noise(run, method, tmp_path):
     loaded = Ensemble.load(run("mc", PERIODIC, **SAMPLED | {"method": method})[1])
+    told = io.StringIO()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(told):
+        cli.main(["mc", str(tmp_path / "scene.toml"), *asked(SAMPLED | {"method": method})])
+    assert "was replaced by" in " ".join(told.getvalue().split())
     direct = simulate(getattr(PERIODIC, f"{method}_equivalent")(), **SAMPLED | {"method": method})
     assert np.array_equal(loaded.angle, direct.angle, equal_nan=True)
 

@@ -144,6 +144,17 @@ def test_lengths_in_millimetres_are_doubted():
     assert none == []
 
 
+def test_an_angle_of_overturning_in_degrees_is_doubted():
+    for block, angle, told in (
+        (Block(0.9), 20.0, 0),
+        (Block(0.9), 90.0, 1),
+        (Block(0.9, critical_angle=0.03), 52.0, 0),
+    ):
+        scene = Scene(block, Harmonic(1.0, 1.0), NoNoise(), overturning=Overturning(angle))
+        said = [sentence.startswith("overturning.angle is 90 times") for sentence in ranges.implausible(scene)]
+        assert said == [True] * told
+
+
 def test_a_kind_is_changed_by_a_new_part():
     with pytest.raises(ValueError, match=r"^noise.kind: got 'none', accepted: values of .*Noise, or a new part, as"):
         SCENE.varied(noise={"kind": "none"})
