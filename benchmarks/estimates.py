@@ -146,9 +146,9 @@ def main():
     points, (over, surely, beyond), largest = report_points(judged_points(rng))
     text = f"""**Result.** Errors in survival: {above[0]} of {count} above the estimate, {within[0]} between the
 estimate and a tenth of it; {below} are below the tolerance. Errors of the bins: {above[1]} of {count} above the
-estimate, {within[1]} between the estimate and a tenth of it. In {POINTS} scenes that begin at points, at
-tol {POINTS_TOL:g}: {over} errors in survival are above the estimate, {surely} of them beyond doubt, the largest is
-{largest:.1f} times the estimate; {beyond} are above the tolerance.
+estimate, {within[1]} between the estimate and a tenth of it. In {POINTS} scenes that begin at points (tol
+{POINTS_TOL:g}): {over} above the estimate, {surely} beyond doubt, by up to {largest:.1f} times; {beyond} above the
+tolerance.
 
 Scenes: main, second, and ten random ones (seed {seed}, drawn after the solver was finished) that do not overturn
 without noise; {CYCLES} cycles from rest. Error: the largest difference, in survival and in L1 of the bins, from a

@@ -170,8 +170,8 @@ def implausible_sizes(block: Block) -> list[str]:
         if radius > 3.0 * corner:
             times = f"{radius / corner:.2g} times the distance of the centre of mass from the farther corner"
             sentences.append(f"block.body.radius_of_gyration is {radius:g} m, {times}; is it the moment of inertia?")
-        if radius < 0.05 * corner:
-            part = "less than a twentieth of the distance of the centre of mass from the farther corner"
+        if radius < 0.2 * corner:
+            part = "less than a fifth of the distance of the centre of mass from the farther corner"
             sentences.append(f"block.body.radius_of_gyration is {radius:g} m, {part}; was {1e2 * radius:g} m meant?")
     return sentences
 

@@ -138,9 +138,9 @@ def test_lengths_in_millimetres_are_doubted():
         heavy = Block(0.9, body=dataclasses.replace(STATUE, radius_of_gyration=radius))
         asked = [sentence.endswith("; is it the moment of inertia?") for sentence in ranges.implausible_sizes(heavy)]
         assert asked == [True] * told
-    light = [Block(0.9, body=dataclasses.replace(STATUE, radius_of_gyration=radius)) for radius in (0.05, 0.07)]
+    light = [Block(0.9, body=dataclasses.replace(STATUE, radius_of_gyration=radius)) for radius in (0.2, 0.25)]
     (small,), none = map(ranges.implausible_sizes, light)
-    assert small.startswith("block.body.radius_of_gyration is 0.05 m, less than a twentieth of the distance")
+    assert small.startswith("block.body.radius_of_gyration is 0.2 m, less than a fifth of the distance")
     assert none == []
 
 
