@@ -202,6 +202,12 @@ class Study(Result):
                 f"With a coefficient of friction of {self.friction:g}, below {least:.3g}, the block slides before it "
             )
             against.append(Diagnostic(UNUSABLE, f"{sentence}rocks. The answer is for one that rocks.", "friction"))
+        elif self.friction is not None and (body := self.scene.block.body):
+            farther = max(body.left, body.right) / body.height_of_centre
+            if self.friction < farther:
+                sentence = f"With a coefficient of friction of {self.friction:g}, below {farther:.3g}, the block "
+                sentence += "slides before it rocks on its farther corner. The answer is for one that rocks on both."
+                against.append(Diagnostic(CAUTION, sentence, "friction"))
         if count == 1:
             sentence = "One motion: the scatter from motion to motion is neither in the rate nor in its limits."
             if self.curve.units == 1 and len(self.curve.jumps):

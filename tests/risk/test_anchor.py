@@ -10,7 +10,7 @@ from scipy import optimize, stats
 from suites import SIZE, record, searched
 
 from fpk_rocking import Block, Body, Dimensions, NoNoise, Record, Scene, cli
-from fpk_rocking.results.trust import UNUSABLE
+from fpk_rocking.results.trust import CAUTION, UNUSABLE
 from fpk_rocking.risk import Hazard, IntensityCurve, study
 from fpk_rocking.risk.anchor import hold, lift_off_g
 from fpk_rocking.risk.lognormal import LognormalFit
@@ -178,3 +178,12 @@ def test_a_block_that_slides_before_it_rocks_is_not_to_be_used(found):
         with pytest.raises(ValueError, match=f"^friction: got {wrong}, accepted: a finite number > 0.0 and <= 2.0$"):
             study(Scene(Block(0.9, SIZE), record(0), NoNoise()), ["missing.AT2"] * 5, None, friction=wrong)
     assert cli.command_line().parse_args(["risk", "rack.toml", "--friction", "0.29"]).friction == 0.29
+
+
+def test_a_friction_that_holds_the_nearer_corner_alone_is_told():
+    """Lift-off needs a force of .18/.95 of the weight over one corner, of .24/.95 over the other."""
+    body = Scene.from_block(body=Body(0.95, 0.18, 0.24, 0.55), record=record(0), restitution=0.9)
+    found = study(body, [record(0)], None, [1.0])
+    for friction, severity in ((0.18, [UNUSABLE]), (0.2, [CAUTION]), (0.26, [])):
+        judged = dataclasses.replace(found, friction=friction).diagnostics
+        assert [one.severity for one in judged if one.name == "friction"] == severity
