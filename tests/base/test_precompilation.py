@@ -169,7 +169,9 @@ def test_a_compilation_compiles_all_that_a_command_needs(compilation, asked, sce
         pathlib.Path(scene).write_text(SCENE + "block.critical_angle = 0.1\n", encoding="utf-8")
     command = [sys.executable, "-c", TOUCH, compilation.name, asked[0], scene, *asked[1:]]
     done = subprocess.run(command, check=True, capture_output=True, text=True, timeout=300)
-    assert done.stderr == "compiled or loaded []"
+    *warned, told = done.stderr.splitlines()
+    assert told == "compiled or loaded []"
+    assert len(warned) == sum(" was replaced by white noise " in line for line in warned) <= 1
 
 
 @pytest.mark.slow
