@@ -334,7 +334,7 @@ class Study(Result):
         tied += "If a tie stretches or has slack, the block begins to rock, and the force may be larger."
         text += "before it rocks; rocking needs somewhat more friction."
         if self.friction is not None and self.friction >= not_none(friction):
-            text += f" With {self.friction:g} it lifts off; montecarlo.contact_forces tells whether it slides while it rocks."
+            text += f" With {self.friction:g} it lifts off; montecarlo.contact_forces tells whether it slides then."
         text += " These values, and forces of ties, do not include the vertical motions." * self._lifted
         return [text, *[tied] * bool(self.asked.size)]
 
