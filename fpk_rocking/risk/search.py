@@ -76,9 +76,9 @@ def _scan_to_critical(paths, scales, outcomes):
     """
     while True:
         scales, outcomes = _split(paths, scales, outcomes, math.inf)
-        begins = _changes(scales, outcomes)[:1]
-        end = first_scale(_changes(scales, outcomes)[None])[0] * math.exp(FINE)
-        inside = (scales[1:] > begins.min(initial=math.inf)) & (scales[:-1] < end)
+        changes = _changes(scales, outcomes)
+        end = first_scale(changes[None])[0] * math.exp(FINE)
+        inside = (scales[1:] > changes.min(initial=math.inf)) & (scales[:-1] < end)
         split = inside & (np.diff(np.log(scales)) > SOLID * (1.0 + 1e-9))
         if math.isinf(end) or not split.any():
             return scales, outcomes

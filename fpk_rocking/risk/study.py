@@ -736,9 +736,10 @@ def _blocks_of_a_motion(blocks, uncertain, motions):
         return -(-BLOCKS // motions)
     if not uncertain:
         raise ValueError(checks.refusal("blocks", blocks, "nothing without uncertain values, as no block is drawn"))
-    if motions == 1 and checks.count("blocks", blocks) < FEWEST_RECORDS:
+    count = checks.count("blocks", blocks)
+    if motions == 1 and count < FEWEST_RECORDS:
         raise ValueError(checks.refusal("blocks", blocks, f"at least {FEWEST_RECORDS} for one motion"))
-    return checks.count("blocks", blocks)
+    return count
 
 
 def _mass_and_friction(mass, friction):
@@ -755,10 +756,11 @@ def _labels(events, scenes):
     count = len(set(labels))
     if len(scenes) > 1 and count < FEWEST_RECORDS:
         got = f"{len(scenes)} of {count} events" if count < len(scenes) else count
-        names = zip(motion_names(scenes), labels, strict=True)
-        same = [name for name, label in names if labels.count(label) > 1][:FEWEST_RECORDS]
-        why = f"; {', '.join(same)} have the samples, or the event and station, of another one" * (events is None)
-        accepted = f"1, or at least {FEWEST_RECORDS} of different events{why if same else ''}"
+        accepted = f"1, or at least {FEWEST_RECORDS} of different events"
+        if events is None and count < len(scenes):
+            names = zip(motion_names(scenes), labels, strict=True)
+            same = ", ".join([name for name, label in names if labels.count(label) > 1][:FEWEST_RECORDS])
+            accepted += f"; {same} have the samples, or the event and station, of another one"
         raise ValueError(f"records: got {got}, accepted: {accepted}")
     return labels
 
